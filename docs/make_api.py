@@ -22,7 +22,7 @@ Made by `python docs/make_api.py` from docstrings. `help(romerr.attach)` shows a
 shapes and units, errors, what is not covered. Symbols: [theory.md](theory.md#notation).
 """
 GROUPS = {
-    "Scripts as they are": "run verify",
+    "Scripts as they are": "run verify tune",
     "Beside a simulation": "floating_body attach add_reduced_body evaluate_file evaluate two_level add_bands "
     "load_report",
     "Outputs": "node_displacement node_velocity node_rotation mean_displacement mean_rotation relative_displacement "

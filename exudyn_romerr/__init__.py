@@ -51,6 +51,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .report.plots.overlay import add_bands
     from .report.report import BoundReport, OutputReport
     from .scripts.run import Run, run
+    from .scripts.tune import Tuning, tune
     from .scripts.verify import Verification, verify
 
 _MODULES = {
@@ -72,6 +73,7 @@ _MODULES = {
     "Run": "scripts.run",
     "RunError": "errors",
     "Trajectory": "linear.run.evaluate",
+    "Tuning": "scripts.tune",
     "Verification": "scripts.verify",
     "VonMises": "report.derived",
     "add_bands": "report.plots.overlay",
@@ -106,6 +108,7 @@ _MODULES = {
     "run": "scripts.run",
     "set_modal_damping": "mbs",
     "sweep": "mbs.studies.parameter_sweep",
+    "tune": "scripts.tune",
     "two_level": "mbs",
     "verify": "scripts.verify",
     "von_mises": "report.derived",

@@ -15,7 +15,7 @@ from . import __version__
 from .errors import InputError, RomErrError
 from .report.answers import WRONG_USAGE, Tolerances
 from .scripts.execute import INTERRUPTED
-from .scripts.files import checked_files, tried
+from .scripts.files import checked_files, tell_on_stderr, tried
 from .scripts.run import run, show, write_files
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ STATUS_OF_VERIFY = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line (default: that of the process) and return its exit status, see STATUS."""
     given = _parser().parse_args(arguments)
-    if given.run in (_run, _verify, _modes):
+    if given.run in (_run, _verify, _modes, _tune):
         return given.run(given)
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
@@ -79,6 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_verify(commands)
     _add_modes(commands)
+    _add_tune(commands)
     saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
     saved.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
     plot = _add(
@@ -174,21 +175,41 @@ def _modes(given: argparse.Namespace) -> int:
     return done.ending.status
 
 
+def _add_tune(commands) -> None:
+    """The command that looks for the cheapest modes and step."""
+    about = "find the cheapest number of modes and step that meet a tolerance"
+    parser = _add_scripted(commands, "tune", about, "romerr tune --tolerance 1% model.py", STATUS_OF_VERIFY)
+    parser.add_argument("--only", choices=("modes", "step"), help="what alone may vary (default: both)")
+    parser.add_argument("--timeout", type=float, metavar="S", help="end a run after so many seconds")
+    for option in ("json", "plot"):
+        parser.add_argument(f"--{option}", metavar="file", help=WRITTEN[option])
+    _add_script(parser, _tune)
+
+
+def _tune(given: argparse.Namespace) -> int:
+    """Look for the cheapest pair, print and write it."""
+    from .scripts.tune import tune
+
+    return _several_runs(given, partial(tune, only=given.only))
+
+
 def _verify(given: argparse.Namespace) -> int:
     """Measure, print and write the answer."""
-    from .scripts.verify import tell_on_stderr, verify
+    from .scripts.verify import verify
 
+    own = {name: getattr(given, name) for name in ("units", "controllers", "jobs", "modes_by_call")}
+    return _several_runs(given, partial(verify, **own))
+
+
+def _several_runs(given: argparse.Namespace, find) -> int:
+    """Let a function make its runs of a script, print and write what it has found."""
     try:
         files = checked_files({option: getattr(given, option) for option in ("json", "plot")})
-        found = verify(
+        found = find(
             given.script,
             given.arguments,
             tolerance=given.tolerance,
-            units=given.units,
-            controllers=given.controllers,
-            jobs=given.jobs,
             timeout=given.timeout,
-            modes_by_call=given.modes_by_call,
             progress=None if given.quiet else tell_on_stderr,
         )
     except RomErrError as error:

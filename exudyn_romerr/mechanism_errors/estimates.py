@@ -28,11 +28,12 @@ def estimates(
     is_static: bool,
     before: EndState | None = None,
     bounds: Callable[[Marched], None] | None = None,
+    content: Callable[[Marched, int], None] | None = None,
 ) -> tuple[dict[str, CauseEstimate], EndState, list[np.ndarray]]:
     """Return errors by "modes", "interfaces" where these are rigid, and "step", what the run leaves wrong, squares.
 
     is_static : whether rows are load steps, in which nothing moves. before : what the run begins with. bounds : is
-    given every block of the modes' errors. squares : see Modes.
+    given every block of the modes' errors; content : these and the number of their first row. squares : see Modes.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
     steps, linearity, feedback = Steps(of, before), Linearity(of), MissedFeedback(of)
@@ -46,6 +47,8 @@ def estimates(
         modes.take(wide[inner], a)
         if bounds is not None:
             bounds(modes.now)
+        if content is not None:
+            content(modes.now, a)
         e, lam = modes.now.e, modes.now.lam
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)

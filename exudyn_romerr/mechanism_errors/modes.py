@@ -9,7 +9,7 @@ import numpy as np
 
 from ..linear.estimators.causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism.tangents import Block
-from .factors import factors_of
+from .factors import Factors, factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
 from .march import March, State
 from .missed import MissedForces
@@ -31,6 +31,7 @@ TWICE_THE_STEP = 1.5
 class Marched:
     """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected.
 
+    of_modes (T, n) : f without what deforms rigid interfaces. factors : of the march.
     missed (T, R) : what comes of forces that linear equations miss, in outputs; None: that was not asked.
     of_constraints : see MissedForces.
     """
@@ -39,6 +40,8 @@ class Marched:
     f: np.ndarray
     e: np.ndarray
     lam: np.ndarray
+    of_modes: np.ndarray
+    factors: Factors
     missed: np.ndarray | None = None
     of_constraints: float = 0.0
 
@@ -79,7 +82,7 @@ class Modes:
         d, dlam = self._second.through(block, factors, np.stack(left, -1), before[1])
         (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
-        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
+        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
         for b, own in enumerate(u.of_vectors()):
             self.squares[b] = self.squares[b] + whole[:, 0, own, -1].T @ whole[:, 0, own, -1]
         of_modes = np.abs(whole[:, 0]).max()

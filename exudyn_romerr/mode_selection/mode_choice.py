@@ -14,7 +14,7 @@ from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from ..report.report import BoundReport
     from ..report.scope import Doubt
@@ -139,11 +139,6 @@ class ModeChoice:
         decides = "estimates" if self.chosen.by == ESTIMATE else f"bounds{certain}"
         place = "within the tolerance, too" if self.chosen.would_meet(modes) else "above it"
         return f"{name}: not tried; its {decides} would be {place}, by a forecast: {worst}"
-
-
-def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:
-    """Return the run with the fewest modes that are enough; of several kinds the first."""
-    return min((run for run in runs if run.is_enough), key=lambda run: run.n, default=None)
 
 
 def slack_between(runs: Sequence[TriedRun], n: int) -> dict[str, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from ..report.answers import Answer
 from ..report.assessment import ANSWERS, PRINTED, TOO_LARGE
 from ..report.scope import FROZEN, NOT_CERTIFIED
 from ..report.wording import (
@@ -84,6 +85,16 @@ class TriedRun:
     def is_enough(self) -> bool:
         """Whether everything that decides is within its tolerance."""
         return self.would_meet(self.modes)
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether the error itself is likely, or proven, to be within the tolerances."""
+        return PRINTED[self.assessment.answer] is Answer.ENOUGH
+
+    @property
+    def cost(self) -> int:
+        """What is to be small: the number of modes."""
+        return self.n
 
     @property
     def assessment(self) -> Assessment:

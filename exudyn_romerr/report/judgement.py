@@ -42,6 +42,7 @@ class Solve:
     why then. refused : (body, why) of bodies that are not watched. sensors : names of all sensors of the mbs.
     chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
     until : of a solve without report that ended early, when and by what.
+    content : of each sensor, what further modes would take from its error, where that was asked.
     seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
     flexes : the bodies that were read.
     """
@@ -59,6 +60,7 @@ class Solve:
     seconds: float = 0.0
     our_seconds: float = 0.0
     flexes: list[Any] = field(default_factory=list)
+    content: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass

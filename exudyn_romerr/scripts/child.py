@@ -119,6 +119,8 @@ class _Child:
             request["hold"],
             self.overlay.place,
             self._make_vectors,
+            request["numbers"],
+            request["further"],
         )
         self.variation.install(exudyn)
 
@@ -160,7 +162,11 @@ class _Child:
         for order, found in self.vectors.items():
             if found is not None:
                 arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
+        contents = self._contents(arrays)
         facts = {
+            "contents": contents,
+            "calls": [] if self.variation is None else self.variation.calls,
+            "our_seconds": sum(solve.our_seconds for solve in self.watched.solves) if self.watched else 0.0,
             "status": ending.status,
             "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,
@@ -169,6 +175,7 @@ class _Child:
             "solve_seconds": sum(solve.seconds for solve in solves),
             "vector_seconds": self.vector_seconds,
             "has_controllers": self.variation is not None and self.variation.has_controllers,
+            "modes": [] if self.bodies is None else self.bodies.modes,
             "bodies": 0 if self.bodies is None else self.bodies.count,
             "may_be_rigid": self.variation is None or self.variation.may_be_rigid,
             "without_vectors": [order for order, found in self.vectors.items() if found is None],
@@ -188,7 +195,18 @@ class _Child:
         from ..report.answers import Tolerances
         from ..report.judgement import rows_of_solve
 
-        return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, Tolerances())]
+        asked = Tolerances(self.request["tolerance"])
+        return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, asked)]
+
+    def _contents(self, arrays: dict[str, Any]) -> list[dict[str, Any]]:
+        """Put what further modes would do into arrays; of each (solve, sensor) a dict."""
+        found = []
+        for solve in () if self.watched is None else self.watched.solves:
+            for name, one in solve.content.items():
+                arrays |= {f"{what} {len(found)}": getattr(one, what) for what in ("known", "step", "rest")}
+                arrays |= {f"parts {len(found)} {call}": x for call, x in one.parts.items()}
+                found.append({"solve": solve.number, "name": name, "calls": [*one.parts]})
+        return found
 
 
 def _in_a_line(error: BaseException) -> str:

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from ..mode_selection.modal_content import Content
+
 QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "PYTHONDONTWRITEBYTECODE": "1"}
 TAIL = 400  # characters of what a process printed last
 ENDED = "it was ended after {:g} s (--timeout)"
@@ -32,8 +34,9 @@ class Request:
     """A run of a script: what is changed in it.
 
     home : the user's working folder. function : of the file, to be called in place of running it as a script.
-    steps, factor, hold : as Variation has them. vectors : by order of the body. watch : whether estimates are made;
-    make_vectors : whether vectors are. threads : of BLAS; "" : as the user has them.
+    steps, factor, hold, numbers, further : as Variation has them. vectors : by order of the body. watch : whether
+    estimates are made; make_vectors : whether vectors are. threads : of BLAS; "" : as the user has them. tolerance :
+    of rows, as typed.
     """
 
     name: str
@@ -41,7 +44,7 @@ class Request:
     home: str
     arguments: tuple[str, ...] = ()
     function: str = ""
-    steps: int = 1
+    steps: float = 1
     factor: int = 1
     hold: bool = False
     vectors: dict[int, np.ndarray] = field(default_factory=dict)
@@ -49,6 +52,9 @@ class Request:
     make_vectors: bool = False
     timeout: float | None = None
     threads: str = ""
+    numbers: tuple[int, ...] = ()
+    further: int = 0
+    tolerance: tuple[str, ...] = ()
 
 
 @dataclass
@@ -56,7 +62,7 @@ class Result:
     """What came of a run; failure: in words, if nothing did.
 
     solves : of each kind, fixed, names, shows, h, and data: an array (T, 1 + r) for each sensor, time first.
-    elapsed : s from before its start to after its end.
+    contents : of (solve, sensor), what further modes would do. elapsed : s from before its start to after its end.
     """
 
     name: str
@@ -64,6 +70,7 @@ class Result:
     solves: list[dict[str, Any]] = field(default_factory=list)
     vectors: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    contents: dict[tuple[int, str], Content] = field(default_factory=dict)
     elapsed: float = 0.0
 
     @property
@@ -178,7 +185,16 @@ def _read(name: str, path: str, log: str, status: int) -> Result:
     failure = ""
     if facts["status"] and not solves:
         failure = ASKS if facts["error"].startswith(ASKED) else (facts["error"] or _failure(facts["status"], log))
-    return Result(name, failure, solves, vectors, facts)
+    return Result(name, failure, solves, vectors, facts, _contents(facts["contents"], arrays))
+
+
+def _contents(of: list[dict[str, Any]], arrays: dict[str, np.ndarray]) -> dict[tuple[int, str], Content]:
+    found = {}
+    for i, one in enumerate(of):
+        parts = {call: arrays[f"parts {i} {call}"] for call in one["calls"]}
+        known, *others = (arrays[f"{what} {i}"] for what in ("known", "step", "rest"))
+        found[one["solve"], one["name"]] = Content(known, parts, *others)
+    return found
 
 
 def _failure(status: int, log: str) -> str:

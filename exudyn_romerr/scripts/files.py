@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from typing import TYPE_CHECKING, Any
 
 from .._version import __version__
@@ -97,3 +98,8 @@ def tried(path: str, write: Callable[[], None]) -> str:
     except Exception as error:  # disk full, a picture of nothing: the other files and the exit status stay
         return f"not written: {path}: {error}"
     return f"written: {path}"
+
+
+def tell_on_stderr(said: str) -> None:
+    """Print a line of progress."""
+    print(f"romerr: {said}", file=sys.stderr, flush=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, ThreadPoolExecutor, wait
 from contextlib import suppress
@@ -297,8 +296,3 @@ def _shut(own: Executor, given: Executor | None) -> None:
     """End our threads; an executor of the user's is the user's."""
     if given is None:
         own.shutdown(wait=True, cancel_futures=True)
-
-
-def tell_on_stderr(said: str) -> None:
-    """Print a line of progress."""
-    print(f"romerr: {said}", file=sys.stderr, flush=True)

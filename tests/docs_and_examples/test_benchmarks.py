@@ -25,6 +25,7 @@ from benchmarks import (
     short_runs,
     speed,
     speed_figure,
+    tune,
 )
 from models import floating
 
@@ -299,3 +300,13 @@ def test_a_full_order_step_is_not_waited_for():
 )
 def test_verdicts_of_a_question(way, claim, error, words):
     assert question.verdict(question.Answer(way, "", 1.0, 1.0, claim, error), within=1.0) == words
+
+
+@pytest.mark.slow
+def test_tune_is_compared_with_a_scan(capsys):
+    """Two numbers of modes and two steps: what the scan knows is within the tolerance is what tune says."""
+    ((runs, _, tuned, true),) = tune.main(["--short", "--cases", "1"])
+    assert [(run.modes, run.steps) for run in runs] == [(1, 100), (1, 200), (2, 100), (2, 200)]
+    assert all(np.isfinite(run.ratio) and run.ratio > 0 for run in runs)
+    assert (tuned.answer.value == "enough") == (true <= 1)
+    assert "% of the tolerance" in capsys.readouterr().out

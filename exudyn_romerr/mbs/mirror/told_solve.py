@@ -22,6 +22,7 @@ from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
+from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
@@ -75,7 +76,7 @@ class Asked(NamedTuple):
     flexes : all reduced bodies of the mbs. outputs : of each, beside sensors. scheme : of the solver. is_static :
     whether rows are load steps, of which the last counts. sensors : their numbers; None: all. vectors : number of
     static ones of a body, beside those that deform rigid interfaces. holds_rates : whether the solver holds rates of
-    constraints in place of what they keep (index 2).
+    constraints in place of what they keep (index 2). further : of each body, modes that it might have; (): not asked.
     """
 
     flexes: Sequence[FloatingBody]
@@ -86,6 +87,7 @@ class Asked(NamedTuple):
     vectors: int = VECTORS
     holds_rates: bool = False
     begun: Parameters | None = None
+    further: Sequence[FurtherModes | None] = ()
 
 
 class Ended(NamedTuple):
@@ -104,6 +106,7 @@ class Told(NamedTuple):
     t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
     doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
     modes : tells of each mode, if asked.
+    content : of each sensor, by name, if further modes are asked for.
     """
 
     t: np.ndarray
@@ -114,6 +117,7 @@ class Told(NamedTuple):
     is_static: bool
     planned_end: float | None
     modes: WithoutModes
+    content: dict[str, Content]
 
     def report(
         self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
@@ -191,7 +195,9 @@ def told_solve(
         is_sampled = bool(readings.splined.sampled(rows[:1]))
         why_not = _why_unbounded(asked, errors is not None or doubts, is_sampled)
         bounds, why_not = _bounds(of, sensors, bodies, why_not)
-        by_cause, end, squares = estimates(of, asked.is_static, errors, bounds and bounds.take)
+        content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
+        watches = bounds and bounds.take, content and content.take
+        by_cause, end, squares = estimates(of, asked.is_static, errors, *watches)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
@@ -205,8 +211,24 @@ def told_solve(
             for which in (None, *range(len(bodies)))
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
-        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes)
+        of_modes = content.content(by_cause) if content else None
+        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one) for one in sensors.shown}
+        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
+
+
+def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) -> list[Shares | None]:
+    """What of the forces on each body modes that may vary answer."""
+    return [
+        None if more is None else Shares(more, one.shapes, one.body.n, one.known.flex.stiffness, one.projectors)
+        for more, one in zip(further, bodies, strict=True)
+    ]
+
+
+def _shown_of(of: Content, sensor: ShownSensor) -> Content:
+    """What a sensor shows of it."""
+    own = sensor.rows.start + sensor.shows
+    return Content(of.known[:, own], {c: x[..., own] for c, x in of.parts.items()}, of.step[:, own], of.rest[:, own])
 
 
 def _remembers(copy: HollowCopy, rows: Rows) -> bool:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType, ModuleType
 
+    from ...mode_selection.modal_content import FurtherModes
+
 TYPES = ("FFRFreducedOrder", "ObjectFFRFreducedOrder")  # in Exudyn's dictionaries, of its Python classes
 PACKAGE = __name__.split(".")[0] + "."
 SAME_MESH = 1e-9  # of the largest coordinate: positions are copied, not computed
@@ -28,13 +30,15 @@ NO_FEM = (
 class FoundBody:
     """A reduced flexible body as a script adds it: its number among all that the script adds, its object in the mbs.
 
-    fem : the FEMinterface whose modes it has; None: there is none, see NO_FEM. modes : how many.
+    fem : the FEMinterface whose modes it has; None: there is none, see NO_FEM. modes : how many. further : that it
+    might have, where that is asked.
     """
 
     order: int
     number: int
     fem: Any
     modes: int
+    further: FurtherModes | None = None
 
     def items(self, mbs: Any) -> dict[str, int]:
         """Return what Exudyn returned of the body when it was made, as floating_body wants it."""
@@ -71,7 +75,8 @@ class FoundBodies(StandIn):
     def __init__(self) -> None:
         super().__init__()
         self._bodies: WeakKeyDictionary[Any, list[FoundBody]] = WeakKeyDictionary()
-        self.count = 0
+        self.count, self.modes = 0, []  # of all mbs, in their order
+        self.further: WeakKeyDictionary[Any, FurtherModes] = WeakKeyDictionary()  # of each fem, where that is asked
 
     def of(self, mbs: Any) -> list[FoundBody]:
         """Return the bodies of an mbs in the order in which they were added."""
@@ -87,8 +92,10 @@ class FoundBodies(StandIn):
         item = arguments[0] if arguments else next(iter(options.values()), None)
         if _is_reduced(item) and not _is_ours(sys._getframe(2)):
             bodies = self._bodies.setdefault(mbs, [])
-            modes = np.shape(dict(item)["modeBasis"])[1]
-            bodies.append(FoundBody(self.count, int(number), fem_of(item), modes))
+            modes, fem = dict(item)["modeBasis"], fem_of(item)
+            further = self.further.get(fem) if fem is not None and _has_modes(fem, modes) else None
+            bodies.append(FoundBody(self.count, int(number), fem, np.shape(modes)[1], further))
+            self.modes.append(np.shape(modes)[1])
             self.count += 1
         return number
 

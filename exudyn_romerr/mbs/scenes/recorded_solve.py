@@ -92,12 +92,15 @@ class RecordedSolve:
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
         chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]
-        of_solver = scheme_from(solver), is_static
-        asked = Asked(flexes, chosen, *of_solver, holds_rates=self._holds_rates, begun=self._begun)
+        of_solver, further = (scheme_from(solver), is_static), [body.further for body in self._bodies]
+        asked = Asked(
+            *(flexes, chosen, *of_solver), holds_rates=self._holds_rates, begun=self._begun, further=further
+        )
         found = []
         for i, rows in enumerate(runs):
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
+            solve.content = told.content
             found.append(told.report([*told.sensors, *chain(*told.of_bodies)]))
         return found
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from collections.abc import Callable
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial, wraps
 from time import process_time
@@ -13,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...mode_selection.modal_content import FurtherModes
 from ...report.verdicts import until, until_load
 from ..access.endings import SAME_TIME, ended_by
 from ..access.mbs_items import Items
 from .found_bodies import StandIn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from types import ModuleType
 
     from .found_bodies import FoundBodies
@@ -34,6 +36,8 @@ CALLS = {  # of FEMinterface: the argument that is the number of modes
     "ComputeHurtyCraigBamptonModes": "nEigenModes",
     "ComputeEigenmodes": "nModes",
     "ComputeEigenModesWithBoundaryNodes": "nEigenModes",
+    "ComputeHurtyCraigBamptonModesNGsolve": "nEigenModes",
+    "ComputeEigenmodesNGsolve": "nModes",
 }
 
 
@@ -65,33 +69,41 @@ class Variation(StandIn):
     Parameters
     ----------
     bodies : those that the script adds
-    steps : so many times as many
+    steps : so many times as many, a whole number but for `tune`
     vectors : order of a body -> vectors (N, m) beside its modes
     factor : so many times as many modes by the script's own calls
+    numbers : of modes by the script's own calls, in their order. further : so many modes beyond these are computed,
+        for bodies to tell what they would do
     hold : whether PreStep functions are called at the steps of the unchanged run only
     place : (path, keep) -> path, where Exudyn may write; keep : whether what is there is needed
     before : is called with the mbs of a solve that is about to begin
 
     Attributes
     ----------
-    solves : Recorded, in their order. has_controllers : whether there are PreStep functions.
+    solves : Recorded, in their order. calls : that make modes, where they stand, and their
+    numbers of them. has_controllers : whether there are PreStep functions.
     """
 
     def __init__(
         self,
         bodies: FoundBodies,
-        steps: int = 1,
+        steps: float = 1,
         vectors: Mapping[int, np.ndarray] | None = None,
         factor: int = 1,
         hold: bool = False,
         place: Callable[..., str] = lambda path, keep=False: path,
         before: Callable[[Any], None] = lambda mbs: None,
+        numbers: Sequence[int] = (),
+        further: int = 0,
     ):
         super().__init__()
         self._bodies, self._steps, self._vectors, self._factor = bodies, steps, dict(vectors or {}), factor
         self._hold, self._place, self._before = hold and steps > 1, place, before
         self.solves: list[Recorded] = []
         self.has_controllers = False
+        self._numbers, self._further = numbers, further
+        self.calls: list[dict[str, Any]] = []
+        self._makes_modes = False
         self._kinds: list[str] = []  # of the calls that made modes
         self._open: dict[int, ExitStack] = {}  # solves made step by step, by the solver's identity
         self._coarse: tuple[float, float] | None = None  # start and step of the unchanged run
@@ -129,7 +141,36 @@ class Variation(StandIn):
         self._kinds.append(str(given.arguments.get("computationMode", "")))
         if self._factor > 1 and argument in given.arguments:
             given.arguments[argument] = self._factor * given.arguments[argument]
+        if argument in given.arguments and not self._makes_modes:
+            return self._noted_call(call, given, argument)
         return call(*given.args, **given.kwargs)
+
+    def _noted_call(self, call: Any, given: inspect.BoundArguments, argument: str) -> Any:
+        """Make modes, as many as `numbers` says, and first more of them for bodies that tell what these would do."""
+        line = sys._getframe(3)
+        noted = {"call": call.__name__, "argument": argument, "number": int(given.arguments[argument])}
+        noted |= {"file": os.path.basename(line.f_code.co_filename), "line": line.f_lineno}
+        if noted not in self.calls:  # one line of the script may make modes of several bodies
+            self.calls.append(noted)
+        which = self.calls.index(noted)
+        if which < len(self._numbers):
+            given.arguments[argument] = self._numbers[which]
+        self._makes_modes = True  # by calls of its own, which are not the script's
+        number, fem, more = given.arguments[argument], given.arguments["self"], None
+        if self._further:
+            with suppress(Exception):  # there may be no more of them
+                given.arguments[argument] = number + self._further
+                call(*given.args, **given.kwargs)
+                more = np.array(fem.modeBasis["matrix"])
+        given.arguments[argument] = number
+        try:
+            found = call(*given.args, **given.kwargs)
+        finally:
+            self._makes_modes = False
+        own = fem.modeBasis["matrix"].shape[1]
+        if more is not None and more.shape[1] == own + self._further:
+            self._bodies.further[fem] = FurtherModes(which, number, more[:, own:])
+        return found
 
     def _add_sensor(self, call: Any, mbs: Any, pyObject: Any) -> Any:
         item = {**dict(pyObject), "storeInternal": True}
@@ -186,7 +227,7 @@ class Variation(StandIn):
     def _more_steps(self, settings: Any, is_unchanged: bool) -> Iterator[None]:
         integration = settings.timeIntegration
         count = integration.numberOfSteps
-        integration.numberOfSteps = count if is_unchanged else self._steps * count
+        integration.numberOfSteps = count if is_unchanged else max(round(self._steps * count), 1)
         try:
             yield
         finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,16 +16,16 @@ from ...mode_selection.mode_choice import (
     ModeChoice,
     fewest_hoped,
     fewest_without_slack,
-    smallest_basis,
     stricter_tolerances,
 )
+from ...mode_selection.search import cheapest, search
 from ...mode_selection.tried_run import STEP, TriedRun, outputs_of
 from ...progress import progress
 from ..monitoring.requests import checked_tolerance
 from .scene_run import Trial, build_trial, same_times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from ..monitoring.monitor import Monitor
 
@@ -91,13 +92,10 @@ def choose_modes(
     most = check_count("most", most, MOST_MODES, "modes")
     first = check_count("first", min(FIRST, most) if first is None else first, most, "modes, up to most", least=0)
     check_choice("by", by, BY)
-    search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most, by)
-    for kind in search.kinds:
-        search.run(tuple(range(first)), kind)
-    for basis in progress(search.bases(), "choose_modes: further simulations", RUNS - len(search.tried)):
-        if not search.ran(*basis):
-            break
-    return search.choice()
+    study = _Study(build, (tolerance, relative), pick, _checked_kinds(kinds), most, by)
+    firsts = [(tuple(range(first)), kind) for kind in study.kinds]
+    bar = partial(progress, text="choose_modes: further simulations", total=RUNS - len(firsts))
+    return study.choice(*search(study.run, firsts, study.next_basis, RUNS, bar))
 
 
 def _checked_kinds(kinds: Any) -> tuple:
@@ -107,14 +105,12 @@ def _checked_kinds(kinds: Any) -> tuple:
     return tuple(kinds) or (None,)
 
 
-class _Search:
-    """The runs so far, and which one is next."""
+class _Study:
+    """Makes runs, and tells which one is next."""
 
     def __init__(self, build: Callable, tolerance: tuple[Any, bool], pick: bool, kinds: tuple, most: int, by: str):
         self._build, (self._tolerance, self._relative), self._pick, self._by = build, tolerance, pick, by
         self.kinds, self._all = kinds, tuple(range(most))
-        self.tried: list[TriedRun] = []
-        self._failed: str | None = None
         self._ladders = {kind: self._made_ladders(kind) for kind in kinds}
 
     def _trial(self, modes: tuple[int, ...], kind: str | None) -> Trial:
@@ -131,23 +127,9 @@ class _Search:
             raise InputError(f"tolerance={self._tolerance!r}; needed: a number or a dict, for some of {names}")
         return [Ladder(*monitor.subject.modes(trial.mbs), len(self._all)) for monitor in trial.monitors]
 
-    def bases(self) -> Iterator[tuple[tuple[int, ...], str | None]]:
-        """Yield the bases to be tried, each chosen when the one before was."""
-        while len(self.tried) < RUNS and (wanted := self.next_basis()) is not None:
-            yield wanted
-
-    def ran(self, modes: tuple[int, ...], kind: str | None) -> bool:
-        """Simulate with some modes; an error ends the search, but does not cost a basis found to be enough."""
-        try:
-            self.run(modes, kind)
-        except Exception as error:
-            if smallest_basis(self.tried) is None:
-                raise
-            self._failed = f"{len(modes)} modes: {type(error).__name__}: {error}"
-        return self._failed is None
-
-    def run(self, modes: tuple[int, ...], kind: str | None) -> None:
+    def run(self, basis: tuple[tuple[int, ...], str | None]) -> TriedRun:
         """Simulate with some modes."""
+        modes, kind = basis
         trial, ladders = self._trial(modes, kind), self._ladders[kind]
         for monitor, ladder in zip(trial.monitors, ladders, strict=True):
             _check_trial(trial, monitor, ladder, len(modes))
@@ -163,33 +145,34 @@ class _Search:
         tolerance = {name: limit * scale[name] for name, limit in self._limits.items()}
         for name, limit in tolerance.items():
             outputs[name].tolerance = limit  # what the advice of its report is about
-        self.tried.append(TriedRun(modes, kind, tolerance, reports, forecast, self._pick, self._by))
+        return TriedRun(modes, kind, tolerance, reports, forecast, self._pick, self._by)
 
-    def next_basis(self) -> tuple[tuple[int, ...], str | None] | None:
+    def next_basis(self, tried: Sequence[TriedRun]) -> tuple[tuple[int, ...], str | None] | None:
         """Return the smallest basis that may be enough and was not tried; None if there is none."""
-        best, hopeful = smallest_basis(self.tried), {kind: self._hopeful(kind) for kind in self.kinds}
-        known = {(run.modes, run.kind) for run in self.tried}
+        of = {kind: [run for run in tried if run.kind == kind] for kind in self.kinds}
+        best, hopeful = cheapest(tried), {kind: self._hopeful(runs) for kind, runs in of.items()}
+        known = {(run.modes, run.kind) for run in tried}
         wanted = [
             (modes, kind) for kind, modes in hopeful.items() if modes is not None and (modes, kind) not in known
         ]
-        if best is None and not wanted and self._closest().limit() != STEP:
+        if best is None and not wanted and _closest(tried).limit() != STEP:
             wanted = [(self._all, kind) for kind in self.kinds if (self._all, kind) not in known]
         smallest = min(wanted, key=lambda basis: len(basis[0]), default=None)
         return None if smallest is None or (best is not None and best.n <= len(smallest[0])) else smallest
 
-    def _hopeful(self, kind: str | None) -> tuple[int, ...] | None:
+    def _hopeful(self, runs: Sequence[TriedRun]) -> tuple[int, ...] | None:
         """Fewest modes forecast to be enough: any, or the first ones, more than what failed, fewer than what met.
 
         What auxiliary vectors leave shrinks with more modes: where it is too much in the first run, it is left out.
         """
-        runs = self._runs(kind)
-        met = smallest_basis(runs)
+        met = cheapest(runs)
         latest = met or runs[-1]
         if self._pick:
             enough = fewest_modes(latest.forecast, stricter_tolerances(latest, runs))
             return fewest_without_slack(latest) if enough is None and len(runs) == 1 else enough
         below = len(self._all) + 1 if met is None else met.n
-        above = max((run.n for run in runs if not run.is_enough and run.n < below), default=self._least(kind) - 1)
+        missed = (run.n for run in runs if not (run.is_enough and run.is_likely) and run.n < below)
+        above = max(missed, default=self._least(latest.kind) - 1)
         first = [self._all[:n] for n in range(above + 1, below)]
         known = fewest_hoped(latest, runs, first)
         if known is None and len(runs) == 1:
@@ -201,17 +184,14 @@ class _Search:
         """The smallest n: there is no body without modes."""
         return int(any(not ladder.always for ladder in self._ladders[kind]))
 
-    def _runs(self, kind: str | None) -> list[TriedRun]:
-        return [run for run in self.tried if run.kind == kind]
-
-    def _closest(self) -> TriedRun:
-        return min(self.tried, key=lambda run: run.excess)
-
-    def choice(self) -> ModeChoice:
-        """Return what was found."""
-        chosen = smallest_basis(self.tried) or self._closest()
-        left = len(self.tried) < RUNS and chosen.is_enough and not chosen.covers_steps
-        return ModeChoice(chosen, tuple(self.tried), self._step_error(chosen) if left else None, self._failed)
+    def choice(self, tried: Sequence[TriedRun], failed: tuple | None) -> ModeChoice:
+        """Return what was found; failed : the basis whose run failed, and its error."""
+        chosen = cheapest(tried) or _closest(tried)
+        left = len(tried) < RUNS and chosen.is_enough and not chosen.covers_steps
+        if failed is not None:
+            (modes, _), error = failed
+            failed = f"{len(modes)} modes: {type(error).__name__}: {error}"
+        return ModeChoice(chosen, tuple(tried), self._step_error(chosen) if left else None, failed)
 
     def _step_error(self, chosen: TriedRun) -> dict[str, float] | None:
         """Estimate the error of the time steps from a run with half of them; None if the solver chooses its steps."""
@@ -229,6 +209,10 @@ class _Search:
             name: SECOND_ORDER * float(np.max(np.abs(fine[name].value[::2] - coarse[name].value)))
             for name in chosen.tolerance
         }
+
+
+def _closest(tried: Sequence[TriedRun]) -> TriedRun:
+    return min(tried, key=lambda run: run.excess)
 
 
 def _check_trial(trial: Trial, monitor: Monitor, ladder: Ladder, n: int) -> None:

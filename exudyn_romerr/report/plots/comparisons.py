@@ -112,6 +112,43 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     finish(ax, f"{name}: error against run time", _infinite(runs))
 
 
+def plot_pairs(table: Sequence[dict[str, Any]], path: str | os.PathLike | None, title: str) -> Any:
+    """Draw draw_pairs' picture; save it to path if given, return the figure."""
+    return picture(draw_pairs, path, table, title)
+
+
+def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
+    """Draw errors beside their tolerances against run time, log-log, of numbers of modes and steps.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    table : Tuning.table, of runs and forecasts
+    title : above it
+    """
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    known = [line for line in table if line["ratio"]]
+    for how, style in (("run", {"marker": "o"}), ("forecast", {"marker": "o", "markerfacecolor": "none"})):
+        its = [line for line in known if line["how"] == how]
+        at = [x["cpu_s"] for x in its], [100 * x["ratio"] for x in its]
+        ax.plot(*at, linestyle="none", color=COLOURS["auxiliary"], label=how, **style)
+    found = [line for line in known if line["is_found"] and line["how"] == "run"]
+    at = [x["cpu_s"] for x in found], [100 * x["ratio"] for x in found]
+    ax.plot(*at, "o", markersize=14, markerfacecolor="none", color=COLOURS["error"], label="found")
+    ax.axhline(100, color="#555555", linestyle="--", linewidth=WIDE, label="tolerance")
+    for k, line in enumerate(known):
+        offset, side = LABELS[k % 2]
+        text = f"{', '.join(map(str, line['numbers'])) or '-'} | {line['steps']}"
+        style = {"textcoords": "offset points", "fontsize": "x-small", "ha": side}
+        ax.annotate(text, (line["cpu_s"], 100 * line["ratio"]), offset, **style)
+    ax.set(xscale="log", yscale="log", xlabel="CPU time of the solves / s", ylabel="largest error / tolerance in %")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
+    ax.margins(0.2)
+    finish(ax, title, ["beside the points: modes | steps"])
+
+
 def plot_convergence(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
     """Draw draw_convergence's picture; save it to path if given, return the figure."""
     return picture(draw_convergence, path, rows, name, unit)
