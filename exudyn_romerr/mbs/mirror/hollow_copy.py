@@ -67,7 +67,7 @@ class HollowCopy:
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self.mbs.Assemble()
-        self._equations = Equations(self.mbs, _threads(mbs))
+        self._equations = Equations(self.mbs, threads(mbs))
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
@@ -232,8 +232,8 @@ class HollowCopy:
         return np.sort(rows[order[: int(np.sum(values > DEPENDENT * values[0]))]])
 
 
-def _threads(mbs: Any) -> int:
-    """Of the run: Exudyn's one task manager would go on with fewer."""
+def threads(mbs: Any) -> int:
+    """Return those of the run: Exudyn's one task manager would go on with fewer."""
     settings = mbs.sys.get("simulationSettings")
     return 1 if settings is None else settings.parallel.numberOfThreads
 

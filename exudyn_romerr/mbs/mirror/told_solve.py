@@ -31,6 +31,7 @@ from ..access.detached import Detached
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS
+from .built_in import as_built_in
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
 from .sensors import Sensors, ShownSensor
@@ -152,6 +153,7 @@ def told_solve(
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
     flexes = asked.flexes
+    mbs = as_built_in(mbs, flexes)
     shown = rows[-1:] if asked.is_static else rows
     rows = _as_equations_have_it(shown, asked.is_static)
     functions = user_functions(mbs)
