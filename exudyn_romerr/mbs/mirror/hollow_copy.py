@@ -21,6 +21,7 @@ from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations
+from ..access.solvers import threads
 from ..access.state_guard import set_state, state_in_place
 from .vectors import Enriched
 
@@ -230,12 +231,6 @@ class HollowCopy:
         triangle, order = la.qr((scaled[rows] / size[rows, None]).T, mode="r", pivoting=True)
         values = np.abs(np.diag(triangle[: len(rows), : len(rows)]))
         return np.sort(rows[order[: int(np.sum(values > DEPENDENT * values[0]))]])
-
-
-def threads(mbs: Any) -> int:
-    """Return those of the run: Exudyn's one task manager would go on with fewer."""
-    settings = mbs.sys.get("simulationSettings")
-    return 1 if settings is None else settings.parallel.numberOfThreads
 
 
 def _massless(shapes: np.ndarray) -> dict[str, Any]:

@@ -30,8 +30,8 @@ from ...report.scope import COUPLED, Doubt, Reason
 from ..access.detached import Detached
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
+from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
-from .built_in import as_built_in
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
 from .sensors import Sensors, ShownSensor

@@ -7,7 +7,7 @@ this body and nothing else. What they do along a run is checked with all the res
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,14 +19,16 @@ from ...errors import AssumptionError
 from ...mechanism.rotations import skew
 from ..access.copied_mbs import bare, object_terms
 from ..access.detached import Detached
+from ..access.endings import raised
 from ..access.equations import Equations
 from ..access.load_functions import functions_of
 from ..access.mbs_items import QUATERNIONS, Items, dense
+from ..access.solvers import threads
 from ..access.state_guard import set_state
-from .hollow_copy import threads
+from .floating_body import object_of
 
 if TYPE_CHECKING:
-    from ..floating.floating_body import FloatingBody
+    from .floating_body import FloatingBody
 
 FUNCTIONS = ("massMatrixUserFunction", "forceUserFunction")
 TERMS = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "mXRefTildePsi", "mXRefTildePsiTilde")
@@ -38,7 +40,7 @@ KINDS, COUNT = ((0, 0), (1, 0), (0, 1), (1, 1)), 3  # whether states are deforme
 BENT, TURNED = 0.1, 0.3  # of the body's size, rad: how far they are from the reference
 DIFFERS = (
     "user functions of body {} have other equations than ObjectFFRFreducedOrder, {} differ by {:.1e} of the largest: "
-    "use AddObjectFFRFreducedOrder; romerr verify measures the steps"
+    "romerr verify measures it"
 )
 NOT_CALLED = "user functions of body {} for its mass and forces cannot be called away from the run: {}"
 
@@ -51,13 +53,12 @@ def as_built_in(mbs: Any, flexes: Sequence[FloatingBody]) -> Any:
     AssumptionError
         Functions that return something else than the built-in object has, or that cannot be called.
     """
-    found = {flex.number: built_in(mbs, flex) for flex in flexes if has_functions(mbs, flex.number)}
-    return _Seen(mbs, found) if found else mbs
+    found = {flex.number: built_in(mbs, flex) for flex in flexes if has_functions(object_of(mbs, flex))}
+    return _seen(mbs, found) if found else mbs
 
 
-def has_functions(mbs: Any, number: int) -> bool:
+def has_functions(item: dict[str, Any]) -> bool:
     """Return whether mass or forces of an object come from user functions."""
-    item = mbs.GetObject(number)
     return any(item.get(name) for name in FUNCTIONS)
 
 
@@ -79,7 +80,7 @@ def built_in(mbs: Any, flex: FloatingBody) -> tuple[dict[str, Any], np.ndarray]:
         try:
             given = _Alone(mbs, flex.number, item, detached).values(states, scales)
         except Exception as error:  # whatever a function of a script raises
-            raise AssumptionError(NOT_CALLED.format(flex.number, error)) from error
+            raise AssumptionError(NOT_CALLED.format(flex.number, raised(error))) from error
     gravity = given.force[0, :3] / scales[:3] / own["mass"]  # in the first state nothing else moves the frame
     known = _Alone(mbs, flex.number, own, detached, gravity).values(states, scales)
     for name, x, y in zip(("masses", "forces"), given, known, strict=True):
@@ -187,56 +188,41 @@ def _weight(marker: int, gravity: np.ndarray) -> dict[str, Any]:
     return {"loadType": "MassProportional", "markerNumber": marker, "name": "weight by a user function", **of}
 
 
-class _Seen:
+def _seen(mbs: Any, found: dict[int, tuple[dict[str, Any], np.ndarray]]) -> Any:
     """An mbs of which some objects are others, by number, with a marker and a load more for the gravity of each."""
+    system = mbs.systemData
+    markers, loads = system.NumberOfMarkers(), system.NumberOfLoads()
+    objects = {number: item for number, (item, _) in found.items()}
+    on_mass = {markers + i: _on_mass(number) for i, number in enumerate(found)}
+    weights = {loads + i: _weight(markers + i, gravity) for i, (_, gravity) in enumerate(found.values())}
+    return _Seen(
+        mbs,
+        systemData=_Seen(
+            system,
+            NumberOfMarkers=lambda: markers + len(found),
+            NumberOfLoads=lambda: loads + len(found),
+        ),
+        GetObject=_or(objects, mbs.GetObject),
+        GetMarker=_or(on_mass, mbs.GetMarker),
+        GetLoad=_or(weights, mbs.GetLoad),
+    )
 
-    def __init__(self, mbs: Any, found: dict[int, tuple[dict[str, Any], np.ndarray]]):
-        system = mbs.systemData
-        first, loads = system.NumberOfMarkers(), system.NumberOfLoads()
-        own = {
-            "_of": mbs,
-            "_objects": {number: item for number, (item, _) in found.items()},
-            "_markers": {first + i: _on_mass(number) for i, number in enumerate(found)},
-            "_loads": {loads + i: _weight(first + i, gravity) for i, (_, gravity) in enumerate(found.values())},
-        }
-        vars(self).update(own)
-        vars(self)["systemData"] = _Counts(system, first + len(found), loads + len(found))
+
+def _or(items: dict[int, dict[str, Any]], call: Callable) -> Callable:
+    """A function of the number of an item; call : of those that are not among items."""
+    return lambda number: dict(items[int(number)]) if int(number) in items else call(number)
+
+
+class _Seen:
+    """Something of Exudyn of which some functions are others."""
+
+    def __init__(self, of: Any, **others: Any):
+        vars(self).update(others, _of=of)
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the mbs has."""
+        """Return what it has."""
         return getattr(self._of, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Set it there: copies of variables, while functions are called."""
         setattr(self._of, name, value)
-
-    def GetObject(self, number: int) -> dict[str, Any]:
-        """Return an object."""
-        return dict(self._objects[int(number)]) if int(number) in self._objects else self._of.GetObject(number)
-
-    def GetMarker(self, number: int) -> dict[str, Any]:
-        """Return a marker."""
-        return dict(self._markers[int(number)]) if int(number) in self._markers else self._of.GetMarker(number)
-
-    def GetLoad(self, number: int) -> dict[str, Any]:
-        """Return a load."""
-        return dict(self._loads[int(number)]) if int(number) in self._loads else self._of.GetLoad(number)
-
-
-class _Counts:
-    """Data of an mbs with more markers and loads."""
-
-    def __init__(self, of: Any, markers: int, loads: int):
-        self._of, self._markers, self._loads = of, markers, loads
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what they have."""
-        return getattr(self._of, name)
-
-    def NumberOfMarkers(self) -> int:
-        """Return how many there are."""
-        return self._markers
-
-    def NumberOfLoads(self) -> int:
-        """Return how many there are."""
-        return self._loads
