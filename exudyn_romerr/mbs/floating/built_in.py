@@ -119,7 +119,7 @@ def _states(frame: dict[str, Any], item: dict[str, Any], flex: FloatingBody, now
     """
     n, rng = np.shape(item["modeBasis"])[1], np.random.default_rng(1)
     M, K = (np.diag(dense(item[f"{name}MatrixReduced"], n)) for name in ("mass", "stiffness"))
-    size, fast = np.ptp(flex.positions, axis=0).max(), np.sqrt(np.max(np.abs(K) / np.abs(M)))
+    size, squares = np.ptp(flex.positions, axis=0).max(), np.divide(K, M, out=np.zeros(n), where=M > 0)
     at = np.array(frame["referenceCoordinates"], float)[3:]
     bent = BENT * size / np.abs(item["modeBasis"]).max(axis=0)
     scales, states = np.concatenate([[size] * 3, TURNED * np.ones(len(at)), bent]), []
@@ -130,7 +130,7 @@ def _states(frame: dict[str, Any], item: dict[str, Any], flex: FloatingBody, now
             p = (at + q[3:7]) / np.linalg.norm(at + q[3:7])
             q[3:7], v[3:7] = p - at, v[3:7] - p * (p @ v[3:7])
         q[modal] *= is_bent
-        states.append((rng.uniform() * now, q, moves * fast * v))
+        states.append((rng.uniform() * now, q, moves * np.sqrt(np.abs(squares).max()) * v))
     return states, scales
 
 
@@ -176,16 +176,16 @@ class _Alone:
 
 def add_weight(mbs: Any, number: int, gravity: np.ndarray) -> None:
     """Let gravity (3,) act on the mass of a body."""
-    mbs.AddLoad(_weight(int(mbs.AddMarker(_on_mass(number))), gravity))
+    mbs.AddLoad(_weight(number, int(mbs.AddMarker(_on_mass(number))), gravity))
 
 
 def _on_mass(number: int) -> dict[str, Any]:
     return {"markerType": "BodyMass", "bodyNumber": number, "name": f"mass of object {number}"}
 
 
-def _weight(marker: int, gravity: np.ndarray) -> dict[str, Any]:
-    of = {"loadVector": [*map(float, gravity)], "loadVectorUserFunction": 0}
-    return {"loadType": "MassProportional", "markerNumber": marker, "name": "weight by a user function", **of}
+def _weight(number: int, marker: int, gravity: np.ndarray) -> dict[str, Any]:
+    of = {"loadVector": [*map(float, gravity)], "loadVectorUserFunction": 0, "name": f"weight of object {number}"}
+    return {"loadType": "MassProportional", "markerNumber": marker, **of}
 
 
 def _seen(mbs: Any, found: dict[int, tuple[dict[str, Any], np.ndarray]]) -> Any:
@@ -194,7 +194,9 @@ def _seen(mbs: Any, found: dict[int, tuple[dict[str, Any], np.ndarray]]) -> Any:
     markers, loads = system.NumberOfMarkers(), system.NumberOfLoads()
     objects = {number: item for number, (item, _) in found.items()}
     on_mass = {markers + i: _on_mass(number) for i, number in enumerate(found)}
-    weights = {loads + i: _weight(markers + i, gravity) for i, (_, gravity) in enumerate(found.values())}
+    weights = {
+        loads + i: _weight(number, markers + i, gravity) for i, (number, (_, gravity)) in enumerate(found.items())
+    }
     return _Seen(
         mbs,
         systemData=_Seen(

@@ -195,3 +195,15 @@ def test_verify_widens_it_as_the_built_in_body(scene):
         of.solve()
         shown.append(np.array([of.mbs.GetSensorStoredData(number) for number in of.sensors.values()]))
     np.testing.assert_allclose(*shown, rtol=0, atol=RUNS * np.abs(shown[1]).max())
+
+
+def test_two_bodies_are_widened(scene):
+    """Exudyn wants names of its own for each weight."""
+    of = scene(floating.pendulum, nothing)
+    second = ObjectFFRFreducedOrderInterface(of.fem)
+    items = add_with_functions(nothing)(second, of.mbs, gravity=floating.GRAVITY)
+    loads = of.mbs.systemData.NumberOfLoads()
+    for number in (of.items["oFFRFreducedOrder"], items["oFFRFreducedOrder"]):
+        widen(of.mbs, FoundBody(0, number, of.fem, second.nModes), np.eye(of.fem.NumberOfCoordinates())[:, -2:])
+    assert of.mbs.systemData.NumberOfLoads() == loads + 2
+    of.mbs.Assemble()
