@@ -16,7 +16,6 @@ import numpy as np
 
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
-from ...mechanism.rotations import skew
 from ..access.copied_mbs import bare, object_terms
 from ..access.detached import Detached
 from ..access.endings import raised
@@ -108,7 +107,7 @@ def _built_in(item: dict[str, Any], flex: FloatingBody) -> dict[str, Any]:
         "mass": total,
         "inertia": np.trace(second) * np.eye(3) - second,
         "centerOfMass": middle,
-        "centerOfMassTilde": skew(middle),
+        "objectIsInitialized": False,  # what follows from these is computed when it is assembled
     }
 
 
