@@ -182,6 +182,13 @@ def test_every_way_to_make_a_body_is_seen(tmp_path):
     np.testing.assert_allclose(sizes[1:], [sizes[0]] * 2, rtol=1e-4)  # as above
 
 
+def test_a_body_at_rest_without_sensors_is_said_to_rest(tmp_path):
+    way = WAYS.replace("[0, 9, 0]", "[0, 0, 0]").replace("mbs.AddSensor", "print")
+    run = romerr.run(written(tmp_path, f"WAY = 'create'\n{way}"))
+    assert run.ending.error is None
+    assert "nothing moves: outputs chosen for the scene stay at zero" in str(run)
+
+
 def test_a_static_solve_goes_before(tmp_path):
     text = SCENE.replace("pendulum(4", "clamped_bar(4") + "scene.mbs.Assemble()\n"
     text += "static = exu.SimulationSettings()\nstatic.staticSolver.verboseMode = 0\n"
