@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 FEW_SOLVES = 3  # of these each has its own table; of more a line each
 NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
 NO_NUMBER = "nothing is known of its error"
+AT_REST = "nothing moves: outputs chosen for the scene stay at zero"
 
 
 @dataclass
@@ -105,7 +106,9 @@ def reason_of(solve: Solve, name: str) -> str:
     own = (
         why for what, why in left_out if name in (what, what.removeprefix("sensor ").strip("'")) or f"({name})" in why
     )
-    return next(own, "") or "; ".join(f"{which}: {why}" for which, why in solve.refused) or NO_NUMBER
+    refused = "; ".join(f"{which}: {why}" for which, why in solve.refused)
+    is_still = name == NO_SENSOR and solve.report is not None and bool(solve.report.outputs)
+    return next(own, "") or refused or (AT_REST if is_still else NO_NUMBER)
 
 
 def _without(solve: Solve, name: str, reason: str, tolerances: Tolerances) -> Row:

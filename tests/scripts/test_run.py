@@ -143,6 +143,52 @@ def test_every_way_to_solve_is_seen(kind, pendulum, tmp_path):
     np.testing.assert_allclose(found, wanted, rtol=1e-4)  # modes are of a solver that begins with random numbers
 
 
+WAYS = """
+import exudyn as exu
+from exudyn.FEM import ObjectFFRFreducedOrderInterface
+from exudyn.itemInterface import ObjectFFRFreducedOrder, SensorSuperElement
+from models import floating
+fem, system = floating.load_fem("bar"), exu.SystemContainer()
+fem.nodeSets = [{**of, "type": "boundary"} for of in fem.nodeSets if len(of["NodeNumbers"]) > 1]
+floating.reduce(fem, 4)
+cms, mbs, other = ObjectFFRFreducedOrderInterface(fem), system.AddSystem(), system.AddSystem()
+force = lambda mbs, t, i, q, v: cms.UFforceFFRFreducedOrder(exu, mbs, t, q, v)
+mass = lambda mbs, t, i, q, v: cms.UFmassFFRFreducedOrder(exu, mbs, t, q, v)
+if WAY == "create":
+    mbs.CreateFFRFReducedOrderObject("bar", fem, initialAngularVelocity=[0, 9, 0])
+else:
+    functions = {"UFforce": force, "UFmassMatrix": mass} if WAY == "functions" else {}
+    cms.AddObjectFFRFreducedOrderWithUserFunctions(exu, other, initialAngularVelocity=[0, 9, 0], **functions)
+    names = vars(ObjectFFRFreducedOrder())
+    item = {key: x for key, x in other.GetObject(0).items() if key in names}
+    if functions:
+        item |= {"forceUserFunction": force, "massMatrixUserFunction": mass}
+    for number in (0, 1):
+        mbs.AddNode(other.GetNode(number))
+    mbs.AddObject(ObjectFFRFreducedOrder(**item))
+of = exu.OutputVariableType.Displacement
+mbs.AddSensor(SensorSuperElement(bodyNumber=0, meshNodeNumber=6, outputVariableType=of))
+mbs.Assemble()
+mbs.SolveDynamic(floating.solver_settings(1e-3, 0.02))
+"""
+
+
+def test_every_way_to_make_a_body_is_seen(tmp_path):
+    """A bar that spins freely."""
+    runs = [romerr.run(written(tmp_path, f"WAY = {way!r}\n{WAYS}")) for way in ("create", "item", "functions")]
+    assert [run.ending.error for run in runs] == [None] * 3
+    sizes = [[row["sum"]["size"] for row in run.rows] for run in runs]
+    assert len(sizes[0]) == 3
+    np.testing.assert_allclose(sizes[1:], [sizes[0]] * 2, rtol=1e-4)  # as above
+
+
+def test_a_body_at_rest_without_sensors_is_said_to_rest(tmp_path):
+    way = WAYS.replace("[0, 9, 0]", "[0, 0, 0]").replace("mbs.AddSensor", "print")
+    run = romerr.run(written(tmp_path, f"WAY = 'create'\n{way}"))
+    assert run.ending.error is None
+    assert "nothing moves: outputs chosen for the scene stay at zero" in str(run)
+
+
 def test_a_static_solve_goes_before(tmp_path):
     text = SCENE.replace("pendulum(4", "clamped_bar(4") + "scene.mbs.Assemble()\n"
     text += "static = exu.SimulationSettings()\nstatic.staticSolver.verboseMode = 0\n"

@@ -46,8 +46,8 @@ def copy_items(
     """
     to.variables, to.sys = detached.spaces
     of = Items(mbs)
-    objects = [_bare(item, detached) | wider.get(i, {}) for i, item in enumerate(of.objects)]
-    markers = [_bare(item, detached) for item in of.markers]
+    objects = [bare(item, detached) | wider.get(i, {}) for i, item in enumerate(of.objects)]
+    markers = [bare(item, detached) for item in of.markers]
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
             on_it = [one for one in markers if int(one.get("bodyNumber", -1)) == i]
@@ -55,7 +55,7 @@ def copy_items(
             objects[i] = item | light | ({"computeFFRFterms": False} if i in wider else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
     for i, item in enumerate(of.nodes):
-        node = _bare(item, detached)
+        node = bare(item, detached)
         if i in counts:
             more = counts[i] - node["numberOfODE2Coordinates"]
             node["numberOfODE2Coordinates"] = counts[i]
@@ -67,12 +67,12 @@ def copy_items(
     for item in markers:
         to.AddMarker(item)
     for item in of.loads:
-        to.AddLoad(_bare(item, detached))
+        to.AddLoad(bare(item, detached))
     for item in of.sensors if with_sensors else ():
-        to.AddSensor(_bare(item, detached) | {"storeInternal": False, "writeToFile": False})
+        to.AddSensor(bare(item, detached) | {"storeInternal": False, "writeToFile": False})
 
 
-def _bare(item: dict[str, Any], detached: Detached) -> dict[str, Any]:
+def bare(item: dict[str, Any], detached: Detached) -> dict[str, Any]:
     """Return an item without its name and what is drawn, with copies of user functions."""
     kept = {key: value for key, value in item.items() if not (key.startswith("V") or key == "name")}
     return {key: _copy(value, detached) if key.endswith("UserFunction") else value for key, value in kept.items()}

@@ -26,6 +26,7 @@ INSTALLED = tuple(str(Path(sysconfig.get_path(place)).resolve()) + os.sep for pl
 OURS = str(Path(__file__).resolve().parents[2]) + os.sep
 NUMBERS = (bool, int, float, complex, str, bytes, type(None))
 CHANGES = ("Set", "Add", "Create", "Delete", "Modify", "Reset", "Assemble", "Solve")  # begin names of what changes
+INTERFACE = "ObjectFFRFreducedOrderInterface"
 READS_SENSORS, READS_NODES = "GetSensorValues", "GetObjectOutputSuperElement"  # by what functions ask a main system
 STREAMS = ("__next__", "fileno")  # of iterators and open files, of files and sockets
 
@@ -100,9 +101,10 @@ class Detached:
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:
-        """Let main systems have copies of the variables; put back random numbers, and numbers of classes."""
+        """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses."""
         of_random, of_numpy = random.getstate(), np.random.get_state(legacy=False)
         of_classes = [(one, name, x) for one in self._pickler.classes for name, x in _numbers(one)]
+        masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._pickler.interfaces]
         own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if self._functions and not self.lost]
         try:
             for mbs, *_ in own:
@@ -113,6 +115,8 @@ class Detached:
                 mbs.variables, mbs.sys = variables, of_system
             for one, name, x in of_classes:
                 setattr(one, name, x)
+            for mass, was in masses:
+                mass[:] = was
             random.setstate(of_random)
             np.random.set_state(of_numpy)
 
@@ -127,6 +131,7 @@ class _Pickler:
     def __init__(self) -> None:
         self._held: dict[int, Any] = {}  # what stays
         self.classes: list[type] = []  # the user's
+        self.interfaces: list[Any] = []  # of bodies: their function for the mass writes into a matrix that they keep
         self.names: set[str] = set()  # of globals and attributes in the user's functions
 
     def dumps(self, value: Any, to_be_read: bool = True) -> bytes:
@@ -143,6 +148,8 @@ class _Pickler:
         """Return how something is pickled that stays what it is."""
         if id(x) not in self._held and isinstance(x, type) and _is_users(_file_of(x.__module__)):
             self.classes.append(x)
+        if id(x) not in self._held and type(x).__name__ == INTERFACE:
+            self.interfaces.append(x)
         self._held[id(x)] = x
         return _same, (id(x),)
 

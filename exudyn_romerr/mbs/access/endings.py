@@ -23,7 +23,7 @@ INTERRUPTED = "it was interrupted (Ctrl-C)"
 def ended_by(solver: Any, error: BaseException | None = None) -> EndedBy:
     """Return what ended a solve; error : what it has raised."""
     if error is not None:
-        return EndedBy(_raised(error))
+        return EndedBy(raised(error))
     output = solver.output
     if (meant := on_purpose(solver)).why:
         return meant
@@ -48,8 +48,8 @@ def note_end(report: BoundReport, ending: EndedBy) -> None:
             one.ended_by, one.on_purpose = ending
 
 
-def _raised(error: BaseException) -> str:
-    """The exception of a user function where one is the cause of Exudyn's."""
+def raised(error: BaseException) -> str:
+    """Return the exception of a user function where one is the cause of Exudyn's."""
     chain: list[BaseException] = []
     while error is not None and all(error is not other for other in chain):
         chain.append(error)

@@ -72,7 +72,10 @@ def user_functions(mbs: Any) -> list[Callable]:
     """Return the user functions of loads and objects."""
     items = Items(mbs)
     found = [f for load in items.loads for f in load_functions(load)]
-    for item in items.objects:
-        values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
-        found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
-    return found
+    return [*found, *(f for item in items.objects for f in functions_of(item))]
+
+
+def functions_of(item: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of an object."""
+    values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
+    return [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]

@@ -26,6 +26,12 @@ def running_static_solver(mbs: Any, known: Any) -> Any:
     return None if solver is known else solver
 
 
+def threads(mbs: Any) -> int:
+    """Return how many a run has: after a solver with fewer, Exudyn's one task manager would go on with these."""
+    settings = mbs.sys.get("simulationSettings")
+    return 1 if settings is None else settings.parallel.numberOfThreads
+
+
 def solver_facts(mbs: Any, static: bool, floor: float) -> SolverFacts:
     """Return what the solver in mbs.sys tells: where it is to go, if it is dynamic and has just begun; see there."""
     solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")

@@ -174,14 +174,14 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
     AssumptionError
         Damping is not Rayleigh, and no ratios were given.
     """
-    item = _object(mbs, flex)
+    item = object_of(mbs, flex)
     V = check_array("modeBasis of the body", item["modeBasis"], (flex.mass.shape[0], None))
     positions = np.asarray(item["referencePositions"]).reshape(-1, 3)
     M, K, D = (dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
     if item["massMatrixUserFunction"] or item["forceUserFunction"]:
         raise AssumptionError(
-            "the body has a user function for its mass or forces (AddObjectFFRFreducedOrderWithUserFunctions); what "
-            "it adds cannot be read: use AddObjectFFRFreducedOrder"
+            "the body has a user function for its mass or forces (AddObjectFFRFreducedOrderWithUserFunctions), which "
+            "knows nothing of what is set in its object: use AddObjectFFRFreducedOrder"
         )
     nodes = tuple(int(n) for n in item["nodeNumbers"])
     numbers, (seen, rayleigh) = (V, positions, M, K, D), flex.known.get("reduction", ((), None))
@@ -202,7 +202,8 @@ def _checked(flex: FloatingBody, V: np.ndarray, positions: np.ndarray, *reduced:
     return rayleigh_factors(*reduced) if flex.modal_damping is None else (0.0, 0.0)
 
 
-def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
+def object_of(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
+    """Return the object of a body; InputError: it is gone, or of another fem."""
     if flex.number >= mbs.systemData.NumberOfObjects():
         raise InputError(f"object {flex.number} of items is not in the mbs; was it deleted, or made in another mbs?")
     item = mbs.GetObject(flex.number)

@@ -22,6 +22,7 @@ from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ..access.mbs_items import node_coordinates
 from ..access.solvers import load_factor
+from .built_in import as_built_in
 from .floating_body import read_object
 from .modal_damping import damping_text, require_modal_damping
 from .reference_search import seen_body, stiff_space
@@ -172,7 +173,7 @@ class MovingSubject:
 
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""
-        return read_object(mbs, self.flex).V, self.flex.stiffness
+        return read_object(as_built_in(mbs, [self.flex]), self.flex).V, self.flex.stiffness
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""

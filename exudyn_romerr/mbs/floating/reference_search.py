@@ -19,6 +19,7 @@ from ...model.admissible_space import (
 )
 from ...model.shared_body import keep_with, shared_body
 from ..access.mbs_items import Items
+from .built_in import as_built_in
 from .floating_body import read_object
 from .frame_node import RigidPart
 from .loads_and_joints import read_actions
@@ -66,6 +67,7 @@ class SeenBody(NamedTuple):
 
 def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
     """Read a body; load_factor : what a static solver scales constant loads with."""
+    mbs = as_built_in(mbs, [flex])
     items, model = Items(mbs), read_object(mbs, flex)
     actions = read_actions(items, flex, model, load_factor)
     flex.known["interfaces"] = interfaces = actions.interfaces()

@@ -22,6 +22,7 @@ from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations
+from ..access.solvers import threads
 from ..access.state_guard import set_state, state_in_place
 from .pre_step import PreStep
 from .vectors import Enriched
@@ -75,7 +76,7 @@ class HollowCopy:
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self.mbs.Assemble()
-        self._equations = Equations(self.mbs, _threads(mbs))
+        self._equations = Equations(self.mbs, threads(mbs))
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
@@ -312,12 +313,6 @@ class HollowCopy:
         triangle, order = la.qr((scaled[rows] / size[rows, None]).T, mode="r", pivoting=True)
         values = np.abs(np.diag(triangle[: len(rows), : len(rows)]))
         return np.sort(rows[order[: int(np.sum(values > DEPENDENT * values[0]))]])
-
-
-def _threads(mbs: Any) -> int:
-    """Of the run: Exudyn's one task manager would go on with fewer."""
-    settings = mbs.sys.get("simulationSettings")
-    return 1 if settings is None else settings.parallel.numberOfThreads
 
 
 def _massless(shapes: np.ndarray) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
+from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
@@ -163,6 +164,7 @@ def told_solve(
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
     flexes = asked.flexes
+    mbs = as_built_in(mbs, flexes)
     shown = rows[-1:] if asked.is_static else rows
     rows = _as_equations_have_it(shown, asked.is_static)
     functions = user_functions(mbs)

@@ -22,6 +22,7 @@ from ...report.data import IN_THE_FRAME
 from ...report.mechanism_report import check_names
 from ..access.mbs_items import Items
 from ..access.reduced_body import LinearSubject, ReducedBody
+from ..floating.built_in import as_built_in
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import MovingSubject
 from ..floating.reference_search import require_still_interface
@@ -112,7 +113,7 @@ def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
 
 def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOptions:
     """Options with outputs for sensors; joints and loads may still be added: what is known now is checked now."""
-    model = read_object(mbs, flex)
+    model = read_object(as_built_in(mbs, [flex]), flex)
     if flex.interfaces == "rigid":
         require_still_interface(flex, model.V)
     outputs = _without_names(mbs, [flex], options.outputs)

@@ -14,6 +14,7 @@ from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.floating_frame import unit_inertia
 from ..access.copied_mbs import object_terms
 from ..access.mbs_items import dense
+from ..floating.built_in import add_weight, built_in, has_functions
 from ..floating.floating_body import floating_body, rayleigh_factors
 from ..floating.reference_search import seen_body, stiff_space
 
@@ -68,6 +69,8 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
 def widen(mbs: Any, body: FoundBody, P: np.ndarray) -> None:
     """Give a body of an mbs, before it is assembled, vectors beside its modes.
 
+    What had user functions has the built-in equations then, and a load that is its weight.
+
     Raises
     ------
     InputError
@@ -75,7 +78,9 @@ def widen(mbs: Any, body: FoundBody, P: np.ndarray) -> None:
     AssumptionError
         The damping of the body is not Rayleigh's: that of the vectors is not known.
     """
-    item, fem = mbs.GetObject(body.number), body.fem
+    item, fem, gravity = mbs.GetObject(body.number), body.fem, np.zeros(3)
+    if has_functions(item):
+        item, gravity = built_in(mbs, floating_body(fem, body.items(mbs)))
     V = np.asarray(item["modeBasis"], dtype=float)
     if len(P) != len(V):
         raise InputError(
@@ -96,6 +101,8 @@ def widen(mbs: Any, body: FoundBody, P: np.ndarray) -> None:
         node[name] = np.append(node[name], np.zeros(P.shape[1]))
     mbs.ModifyNode(int(item["nodeNumbers"][1]), node)
     mbs.ModifyObject(body.number, {**item, **object_terms(wide), **_widened(shown, n, P.shape[1])})
+    if gravity.any():
+        add_weight(mbs, body.number, gravity)
 
 
 def _damping(alpha: float, beta: float, X: Any, Y: Any, M: np.ndarray, K: np.ndarray) -> np.ndarray:
