@@ -1,6 +1,6 @@
 """Errors of harmonic responses: what modes of the full body answer to the residual, and a bound of the rest.
 
-A reduced response V q to loads B exp(i w t) leaves R = L z, and A(w) e = -R with A = K + i w D - w^2 M (theory.md 11).
+A reduced response V q to loads B exp(i w t) leaves R = L z, and A e = -R with A = K + i w D - w^2 M (theory.md 12).
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...linalg.blocked_products import row_norms
 from ...linalg.eigenmodes import GAP
 from ..residual.decay_rates import is_symmetric, smallest_rate
 from ..residual.modal_split import NormsAbove
 from ..residual.residual import OrthonormalNorm
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..residual.problem import Problem
 
 RESONANCE = "resonance: the frequency is an eigenfrequency of the undamped body, to the digits that this is known in"
@@ -38,7 +39,7 @@ class Errors(NamedTuple):
 class ProportionalDamping:
     """Rayleigh's or modal damping: m modes P answer one by one, the rest above them is static but for a gain g.
 
-        C e = C P eta - C K^-1 R_rest + rest,   |rest| <= |C|_rest g(w) |R_rest|_{K^-1}
+        C e = C P eta - C K^-1 R_rest/(1 + i w beta) + rest,   |rest| <= |C|_rest g(w) |R_rest|_{K^-1}
 
     What computed modes lack of being eigenvectors, and rounding, are bounded and added.
     """
@@ -57,43 +58,44 @@ class ProportionalDamping:
 
     def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> Errors:
         """Return errors at w (S,) in rad/s; z (S, k) complex; r (S,): |R|_{K^-1} that rounding may hide."""
-        of_K = np.abs(1 + 1j * w * self.rayleigh[1])
-        with np.errstate(divide="ignore", invalid="ignore"):
+        kappa = 1 + 1j * w * self.rayleigh[1]
+        of_K = np.abs(kappa)
+        with np.errstate(divide="ignore", invalid="ignore"):  # resonances
             stiffness = self.omega**2 - w[:, None] ** 2 + 1j * w[:, None] * self.damping
             eta = -(z @ self.PL.T) / stiffness
+            known = eta @ self.CP.T - (z / kappa[:, None]) @ self.static_rows.T
             amplified = self.omega**2 / np.abs(stiffness)
             gain = self.gain(w)
-            rest, largest = 1 + gain, np.maximum(1 + gain, amplified.max(axis=1))
+            rest = 1 / of_K + gain
+            largest = np.maximum(rest, amplified.max(axis=1))
             left = complex_norm(self.norm, z)
             # E = K P - M P Omega^2 makes every mode, and the rest, feel of_K * inexact * |e|_K beside R
             felt = of_K[:, None] * self.inexact * amplified
-            kept = 1 - np.hypot(row_norms(felt), rest * of_K * np.linalg.norm(self.inexact))
-            whole = (np.hypot(row_norms(np.abs(eta) * self.omega), rest * left) + largest * r) / kept
+            kept = 1 - np.hypot(np.linalg.norm(felt, axis=1), rest * of_K * np.linalg.norm(self.inexact))
+            whole = (np.hypot(np.linalg.norm(eta * self.omega, axis=1), rest * left) + largest * r) / kept
             slack = np.outer(gain * left + rest * of_K * np.linalg.norm(self.inexact) * whole, self.C_rest)
             slack += (whole[:, None] * felt / self.omega) @ np.abs(self.CP).T + np.outer(largest * r, self.C_K)
-        known = eta @ self.CP.T - z @ self.static_rows.T
         high, resonant = ~np.isfinite(gain), ~(kept > 0)
         reasons = np.where(high, TOO_HIGH.format(len(self.omega)), np.where(resonant, RESONANCE, ""))
+        known[reasons == RESONANCE] = np.inf
         return Errors(known, np.where((reasons == "")[:, None], slack, np.inf), reasons)
 
     def gain(self, w: np.ndarray) -> np.ndarray:
-        """Return max |1 - 1/(1 - w^2 s + i w (alpha s + beta))| over all s = 1/omega^2 <= 1/cut^2, (S,).
+        """Return max |1/kappa - 1/(kappa - (w^2 - i w alpha) s)| over all s = 1/omega^2 <= 1/cut^2, (S,).
 
-        Its square is 1 - (1 - 2 w^2 s)/|...|^2; as a function of s >= 0 it grows up to a single maximum.
+        kappa = 1 + i w beta. With (w^2 - i w alpha) s/kappa = exp(i theta)/y it is 1/|kappa (y - exp(i theta))|.
         """
         alpha, beta = self.rayleigh
-        most = 1 / self.cut**2
-        if not alpha and not beta:
-            return np.where(w**2 * most < 1, w**2 * most / np.abs(1 - w**2 * most), np.inf)
-        square = w**2
-        highest = np.sqrt(1 + 4 * beta * square * (square * beta + alpha) / (square + alpha**2))
-        s = np.where(square > 0, np.minimum((1 + highest) / (2 * square), most), most)
-        damping = w * (alpha * s + beta)
-        return np.hypot(square * s, damping) / np.hypot(1 - square * s, damping)
+        kappa = 1 + 1j * w * beta
+        c = (w**2 - 1j * w * alpha) / kappa
+        theta = np.angle(c)
+        with np.errstate(divide="ignore"):
+            y = np.maximum(self.cut**2 / np.abs(c), np.cos(theta))
+            return 1 / (np.abs(kappa) * np.hypot(y - np.cos(theta), np.sin(theta)))
 
 
 class AnyDamping:
-    """A damping matrix: m undamped modes beside the static error, C e ~ C (P x - K^-1 R); A times that bounds the rest.
+    """A damping matrix: C e is about C (P x - K^-1 R), P m undamped modes; what that leaves bounds the rest.
 
         |C e - known| <= |C|_{K^-1} |R + A (P x - K^-1 R)|_{K^-1} / gamma,
         gamma^2 = min (1 - w^2 s)^2 + (w mu s)^2 over 0 <= s <= 1/omega_1^2,   D - mu M >= 0
@@ -116,8 +118,8 @@ class AnyDamping:
     def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> Errors:
         """Return errors as ProportionalDamping does."""
         squares, forces, iw = self.omega**2, z @ self.PL.T, 1j * w[:, None]
-        stiffness = np.eye(len(squares)) * (squares + iw**2)[:, None] + iw[..., None] * self.DP
-        x = forces / squares - np.linalg.solve(stiffness, forces[..., None])[..., 0]
+        stiffness = (np.diag(squares + v**2) + v * self.DP for v in iw[:, 0])
+        x = forces / squares - np.array([solved(*pair) for pair in zip(stiffness, forces, strict=True)])
         left = complex_norm(self.norm, np.hstack([x, iw**2 * x, iw * x, -(iw**2) * z, -iw * z]))
         gamma = self.gamma(w)
         with np.errstate(divide="ignore"):
@@ -135,6 +137,14 @@ class AnyDamping:
         return np.where(below | (self.rate > 0), np.hypot(1 - w**2 * s, w * self.rate * s), 0.0)
 
 
-def complex_norm(norm, z: np.ndarray) -> np.ndarray:
+def solved(stiffness: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return stiffness^-1 forces; inf where an undamped body is in resonance."""
+    try:
+        return np.linalg.solve(stiffness, forces)
+    except np.linalg.LinAlgError:
+        return np.full(forces.shape, np.inf, dtype=complex)
+
+
+def complex_norm(norm: Callable, z: np.ndarray) -> np.ndarray:
     """Return the norms (S,) of complex z (S, k), of a norm of real linear maps."""
     return np.hypot(norm(z.real), norm(z.imag))

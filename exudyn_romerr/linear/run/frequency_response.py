@@ -16,7 +16,7 @@ from ...model.body import ElasticBody
 from ...model.outputs import Output
 from ...process.blas_threads import one_thread
 from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
-from ..estimators.harmonic import AnyDamping, ProportionalDamping
+from ..estimators.harmonic import AnyDamping, ProportionalDamping, solved
 from ..estimators.round_off import RoundOff, of_input
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP
 from ..residual.problem import Problem
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ...basis.basis import Basis
 
 ABOVE = 2.0  # times the highest frequency: what modes that ring there or below answer is known with its phase
+ROUNDED = 8.0  # units in the last place that sums of some hundred terms are off by
 RINGING = "the reduced body is in resonance: it has no response"
 
 
@@ -41,7 +42,7 @@ class FrequencyResponse:
     value : ndarray of complex, (F, r, p)
         Of the reduced body: row i of the output under column j of the input. inf where it is in resonance.
     estimate : ndarray of complex, (F, r, p)
-        About what the full body's response is above value: value + estimate is the corrected response.
+        About what the full body's response has beside value: value + estimate is the corrected response.
     bound : ndarray, (F, r, p)
         |full - value| is at most that; inf where nothing is proved.
     reasons : tuple of str, (F,)
@@ -58,7 +59,7 @@ class FrequencyResponse:
 
     def __str__(self) -> str:
         hertz = self.frequencies / (2 * np.pi)
-        lines = [f"{len(hertz)} frequencies, {digits(min(hertz), 4)} to {digits(max(hertz), 4)} Hz, unit loads"]
+        lines = [f"unit loads, frequencies: {len(hertz)}, {digits(min(hertz), 4)} to {digits(max(hertz), 4)} Hz"]
         lines += [self._line(*pair, hertz) for pair in product(*map(range, self.value.shape[1:]))]
         for why in dict.fromkeys(filter(None, self.reasons)):
             at = [k for k, reason in enumerate(self.reasons) if reason == why]
@@ -70,15 +71,12 @@ class FrequencyResponse:
         name, known = self._name(row, column), np.flatnonzero(np.isfinite(bound))
         if not known.size:
             return f"{name}: no bound"
-        k = known[np.argmax(bound[known])]
+        k, unit = known[np.argmax(bound[known])], self.output.unit
         largest = np.max(size[known])
-        shares = f" ({percent(bound[k] / largest)})" if largest > 0 and percent(bound[k] / largest) else ""
-        unit = self.output.unit
-        return (
-            f"{name}: up to {with_unit(digits(largest), unit)}, error at most "
-            f"{with_unit(rounded_up(bound[k], 2), unit)}{shares}, about {with_unit(digits(about[k], 2), unit)} there, "
-            f"at {digits(hertz[k], 4)} Hz"
-        )
+        share = percent(bound[k] / largest) if largest > 0 else ""
+        most = with_unit(rounded_up(bound[k], 2), unit) + (f" ({share})" if share else "")
+        there = f"about {with_unit(digits(about[k], 2), unit)} there, at {digits(hertz[k], 4)} Hz"
+        return f"{name}: up to {with_unit(digits(largest), unit)}, error at most {most}, {there}"
 
     def _name(self, row: int, column: int) -> str:
         labels = self.output.labels or tuple(f"row {i + 1}" for i in range(self.value.shape[1]))
@@ -86,7 +84,7 @@ class FrequencyResponse:
         return f"{self.output.name}{of}" + (f", load {column + 1}" if self.value.shape[2] > 1 else "")
 
     def plot(self, path: str | os.PathLike | None = None, row: int = 0, column: int = 0) -> Any:
-        """Draw sizes of response, estimated error and bound against frequency; save to path if given, return the figure.
+        """Draw sizes of response, estimated error and bound; save to path if given, return the figure.
 
         Parameters
         ----------
@@ -111,7 +109,8 @@ class FrequencyResponse:
         log_line(ax, hertz, bound, color=COLOURS["auxiliary"], linewidth=WIDE, label="its error: bound")
         log_line(ax, hertz, about, color=COLOURS["estimate"], linestyle="--", label="its error: estimate")
         count = int(np.sum(~np.isfinite(bound)))
-        finish(ax, f"{self._name(row, column)}: frequency response", [f"no bound at {count} frequencies"] if count else [])
+        notes = [f"no bound at {count} frequencies"] if count else []
+        finish(ax, f"{self._name(row, column)}: response to unit loads", notes)
 
 
 @one_thread()
@@ -122,8 +121,8 @@ def frequency_response(
 
         |C (K + i w D - w^2 M)^-1 B - C V q(w)| <= bound
 
-    Full-size work is done once, for all frequencies: static responses to the columns of the residual, and modes of the
-    full body up to twice the highest frequency, at least 20, at most 200.
+    Full-size work is done once, for all frequencies: static responses to the columns of the residual, and modes of
+    the full body up to twice the highest frequency, at least 20, at most 200.
 
     Parameters
     ----------
@@ -147,7 +146,7 @@ def frequency_response(
 
     Notes
     -----
-    Source: docs/theory.md 11. Does not cover: bodies in moving frames, structural (hysteretic) damping.
+    Source: docs/theory.md 12. Does not cover: bodies in moving frames, structural (hysteretic) damping.
     """
     check_type("body", body, ElasticBody)
     check_type("output", output, Output)
@@ -165,21 +164,21 @@ def frequency_response(
     iw = 1j * at[:, None]
     motion = SimpleNamespace(q=q, q_t=iw * q, q_tt=iw**2 * q, u=u)
     rounding = RoundOff(problem, of_input(problem, 0.0)[0])
-    r = rounding(motion, rounding.of_equilibrium(u)).velocity
+    r = ROUNDED * rounding(motion, rounding.of_equilibrium(u)).velocity
     estimator = (AnyDamping if body.proportional is None else ProportionalDamping)(problem)
     errors = estimator(at, problem.map.coordinates(q, iw * q, iw**2 * q, u), r)
-    # a velocity is i w times a displacement
-    factor = iw if output.of == "velocity" else np.ones_like(iw)
-    bound = np.abs(factor) * (np.abs(errors.known) + errors.slack) + np.abs(factor) * (np.abs(q) @ rounding.value_rows.T)
     reasons = np.where(ringing, RINGING, errors.reasons.reshape(F, p)[:, 0])
+    slack = np.where(np.repeat(reasons == "", p)[:, None], errors.slack + np.abs(q) @ rounding.value_rows.T, np.inf)
+    factor = iw if output.of == "velocity" else np.ones_like(iw)  # a velocity is i w times a displacement
 
-    def shaped(x: np.ndarray) -> np.ndarray:
-        x = np.where(np.repeat(reasons == RINGING, p)[:, None] | ~np.isfinite(x), np.inf, x)
+    def shaped(x: np.ndarray, factor: np.ndarray) -> np.ndarray:
+        known = np.isfinite(x) & ~np.repeat(ringing, p)[:, None]
+        x = np.where(known, factor * np.where(known, x, 0), np.inf)
         return x.reshape(F, p, -1).transpose(0, 2, 1)
 
-    bound = np.where(np.repeat(reasons, p)[:, None] == "", bound, np.inf)
-    value = factor * (q @ (problem.rows.C @ problem.V).T)
-    return FrequencyResponse(w, shaped(value), shaped(factor * errors.known), shaped(bound), tuple(reasons), output)
+    value = shaped(q @ (problem.rows.C @ problem.V).T, factor)
+    bound = shaped(np.abs(errors.known) + slack, np.abs(factor))
+    return FrequencyResponse(w, value, shaped(errors.known, factor), bound, tuple(reasons.tolist()), output)
 
 
 def _mode_count(body: ElasticBody, highest: float) -> int:
@@ -194,11 +193,6 @@ def _reduced(problem: Problem, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     body, V, W = problem.body, problem.V, problem.W
     M, K, B = W.T @ (body.M @ V), W.T @ (body.K @ V), np.asarray(W.T @ problem.B)
     D = np.zeros_like(M) if body.D is None else W.T @ (body.D @ V)
-    q, ringing = np.zeros((len(w), B.shape[1], len(M)), dtype=complex), np.zeros(len(w), dtype=bool)
-    for k, x in enumerate(w.tolist()):
-        stiffness = K + 1j * x * D - x**2 * M
-        try:
-            q[k] = np.linalg.solve(stiffness, B.astype(complex)).T
-        except np.linalg.LinAlgError:
-            ringing[k] = True
-    return q, ringing
+    q = np.array([solved(K + 1j * x * D - x**2 * M, B.astype(complex)).T for x in w.tolist()])
+    ringing = ~np.isfinite(q).all(axis=(1, 2))
+    return np.where(ringing[:, None, None], 0.0, q), ringing
