@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ..residual.problem import Problem
 
+ROUNDED = 8  # times: what sums of some hundred terms are off by, as in "auxiliary"
 RESONANCE = "resonance: the frequency is an eigenfrequency of the undamped body, to the digits that this is known in"
 TOO_HIGH = "the undamped body has eigenfrequencies there that are not among the {} modes that are computed"
 GYROSCOPIC = "damping that is not symmetric (gyroscopic): nothing is proved of it"
@@ -53,7 +54,7 @@ class ProportionalDamping:
         self.static_rows = above.Y_C_K.T @ problem.dual.Y_K[:, :k]
         self.norm, self.C_rest, self.C_K = split.norm_K, above.C_K, problem.rows.C_K
         rounded = body.stiffness_factor.half_solve(abs(body.K) @ np.abs(modes.P))
-        eps = body.precision["stiffness"]
+        eps = ROUNDED * body.precision["stiffness"]
         self.inexact = modes.residual + eps * np.linalg.norm(rounded, axis=0) / modes.omega
 
     def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> Errors:

@@ -16,7 +16,7 @@ from ...model.body import ElasticBody
 from ...model.outputs import Output
 from ...process.blas_threads import one_thread
 from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
-from ..estimators.harmonic import AnyDamping, ProportionalDamping, solved
+from ..estimators.harmonic import ROUNDED, AnyDamping, ProportionalDamping, solved
 from ..estimators.round_off import RoundOff, of_input
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP
 from ..residual.problem import Problem
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from ...basis.basis import Basis
 
 ABOVE = 2.0  # times the highest frequency: what modes that ring there or below answer is known with its phase
-ROUNDED = 8.0  # units in the last place that sums of some hundred terms are off by
 RINGING = "the reduced body is in resonance: it has no response"
 
 
