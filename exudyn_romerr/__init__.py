@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .fe_files.read_body import read_body
     from .linear.residual.residual import initial_coordinates, initial_error
     from .linear.run.evaluate import Trajectory, evaluate
+    from .linear.run.frequency_response import FrequencyResponse, frequency_response
     from .mbs import (
         add_reduced_body,
         attach,
@@ -61,6 +62,7 @@ _MODULES = {
     "BoundReport": "report.report",
     "Constants": "model.body",
     "ElasticBody": "model.body",
+    "FrequencyResponse": "linear.run.frequency_response",
     "FEModel": "fe_files.fe_model",
     "InputError": "errors",
     "MassOrthogonal": "model.admissible_space",
@@ -83,6 +85,7 @@ _MODULES = {
     "evaluate": "linear.run.evaluate",
     "evaluate_file": "mbs",
     "floating_body": "mbs",
+    "frequency_response": "linear.run.frequency_response",
     "gramian_basis": "basis.basis",
     "hold_modes": "mbs",
     "initial_coordinates": "linear.residual.residual",

@@ -13,6 +13,8 @@ from ...linalg.oscillator import largest_decay_rate
 from ...linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 
 if TYPE_CHECKING:
+    import scipy.sparse as sp
+
     from ...linalg.eigenmodes import ModalDamping
     from ...model.body import ElasticBody
 
@@ -74,12 +76,9 @@ def body_rates(body: ElasticBody) -> list[DecayRate]:
 def _general_rate(body: ElasticBody) -> DecayRate | None:
     """Half the smallest damping rate, halved until K_r > 0; None for unsymmetric or semidefinite D."""
     D, M, K = body.D, body.M, body.K
-    if abs(D - D.T).max() > 1e-12 * abs(D).max():  # gyroscopic parts do not survive the shift
+    r = 0.5 * smallest_rate(body) if is_symmetric(D) else 0.0  # gyroscopic parts do not survive the shift
+    if not r:
         return None
-    factor = SymmetricFactor(D)
-    if factor.smallest_pivot <= SINGULAR_PIVOT:
-        return None
-    r = 0.5 * lowest_modes(M, D, 1, factor).omega[0] ** 2 * (1 - GAP)
     for _ in range(HALVINGS):
         K_r = K - r * D + r**2 * M
         factor = SymmetricFactor(K_r)
@@ -89,6 +88,19 @@ def _general_rate(body: ElasticBody) -> DecayRate | None:
             return DecayRate(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
         r /= 2
     return None
+
+
+def is_symmetric(D: sp.spmatrix) -> bool:
+    """Return whether a damping matrix is symmetric: has no gyroscopic part."""
+    return abs(D - D.T).max() <= 1e-12 * abs(D).max()
+
+
+def smallest_rate(body: ElasticBody) -> float:
+    """Return mu (1/s) with D - mu M >= 0 of a symmetric damping matrix; 0: some motions are undamped."""
+    factor = SymmetricFactor(body.D)
+    if factor.smallest_pivot <= SINGULAR_PIVOT:
+        return 0.0
+    return float(lowest_modes(body.M, body.D, 1, factor).omega[0] ** 2 * (1 - GAP))
 
 
 def _bound_of_ratio(K, K_r, ratio: float) -> float:
