@@ -101,6 +101,12 @@ def test_help_has_an_example_that_works(run, capsys, command):
     assert main(shlex.split(example)) == 0
 
 
+@pytest.mark.parametrize("name", ["pyproject.toml", "CITATION.cff"])
+def test_files_name_the_version(name):
+    assert re.search(rf"^version\W+{re.escape(__version__)}\W*$", (ROOT / name).read_text(encoding="utf-8"), re.M)
+    assert f"## {__version__} " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
 def test_version(capsys):
     with pytest.raises(SystemExit) as left:
         main(["--version"])
