@@ -13,6 +13,7 @@ from benchmarks.by_run import told_by_run
 from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.errors import AssumptionError, RunError
 from exudyn_romerr.mbs.access.detached import Detached
+from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror import vectors
 from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
 from exudyn_romerr.mbs.mirror.layout import unknowns_of
@@ -247,6 +248,19 @@ def stopped(h, stiffness=1e5):
     )
     mbs.Assemble()
     return scene
+
+
+def test_numbers_that_grow_beyond_all_bounds_warn_nobody(monkeypatch):
+    """Warnings of numpy are errors in tests, as they may be in a user's script."""
+    inner = told_solve_module.estimates
+
+    def growing(*arguments):
+        assert np.isinf(np.array([1e308]) * 10).all()
+        return inner(*arguments)
+
+    monkeypatch.setattr(told_solve_module, "estimates", growing)
+    report, names = told(scene_of(2))
+    assert all(np.isfinite(report.outputs[name].estimate).all() for name in names.values())
 
 
 def test_forces_that_are_not_smooth_are_not_told_as_numbers():
