@@ -40,7 +40,8 @@ class Pair(NamedTuple):
 class Expected(NamedTuple):
     """What is known or expected of a row.
 
-    ratio : of its whole error to its tolerance. of : cause -> size and half width together, "sum" too.
+    ratio : of its whole error, or a cause that is larger alone, to its tolerance. of : cause -> size and half width
+    together, "sum" too.
     """
 
     ratio: float
@@ -64,8 +65,13 @@ class PairRun:
 
     @property
     def answer(self) -> Answer:
-        """The answer that counts for all rows."""
-        return worst(Answer(row["sum"]["answer"]) for row in self.rows)
+        """The answer that counts for all rows: of whole errors, and of a cause that is too large alone.
+
+        Causes that cancel each other are enough for just these modes and steps: finer steps make the error larger.
+        """
+        causes = (Answer(row[cause]["answer"]) for row in self.rows for cause in CAUSES if row[cause])
+        too_large = [answer for answer in causes if answer is Answer.TOO_LARGE]
+        return worst([*(Answer(row["sum"]["answer"]) for row in self.rows), *too_large])
 
     @property
     def is_enough(self) -> bool:
@@ -93,7 +99,8 @@ class PairRun:
     def worst(self) -> Expected:
         """What the run has found of the row that is worst beside its tolerance."""
         found = [{cause: _most(row[cause]) for cause in (*CAUSES, "sum") if row[cause]} for row in self.rows]
-        ratios = [Expected(of["sum"] / row["tolerance"], row, of) for of, row in zip(found, self.rows, strict=True)]
+        pairs = zip(found, self.rows, strict=True)
+        ratios = [Expected(max(of.values()) / row["tolerance"], row, of) for of, row in pairs]
         return max(ratios, key=lambda one: one.ratio)
 
     def expected(self, pair: Pair, order: float) -> Expected:
@@ -129,19 +136,24 @@ class PairRun:
     def _whole(self, row: dict[str, Any], numbers: tuple[int, ...]) -> Callable[[float], float]:
         """The whole error with its half width as a function of how many times the error by steps is that of the run.
 
-        Over time where that is known, for causes are largest at different times, and may cancel each other.
+        Over time where that is known, for causes are largest at different times; at least each cause alone.
         """
         of, content = self._causes(row, numbers), self._content(row)
-        step = of.pop("step", 0.0)
+        step, alone = of.pop("step", 0.0), max(of.values(), default=0.0)
         if content is None or not math.isfinite(step + sum(of.values())):
             return lambda times: sum(of.values()) + step * times
         modes = content.by_modes(row["component"], numbers, self.pair.numbers)
         y, steps = modes + content.rest[:, row["component"]], content.step[:, row["component"]]
         halves = {cause: row[cause]["half_width"] for cause in CAUSES if row[cause]}
-        of_step, alone = halves.pop("step", 0.0), sum(row[c]["half_width"] for c in CAUSES if row[c])
+        of_step, all_of_them = halves.pop("step", 0.0), sum(row[c]["half_width"] for c in CAUSES if row[c])
         others = sum(halves.values()) + of["modes"] - np.abs(modes).max() - halves["modes"]
-        together = min((row["sum"]["half_width"] or 0.0) / alone, 1.0) if alone else 1.0
-        return lambda times: float(np.abs(y + times * steps).max()) + together * (others + of_step * times)
+        together = min((row["sum"]["half_width"] or 0.0) / all_of_them, 1.0) if all_of_them else 1.0
+
+        def whole(times: float) -> float:
+            found = float(np.abs(y + times * steps).max()) + together * (others + of_step * times)
+            return max(found, alone, step * times)
+
+        return whole
 
     def _causes(self, row: dict[str, Any], numbers: tuple[int, ...]) -> dict[str, float]:
         """Size and half width by cause with other numbers of modes, and the steps of the run."""

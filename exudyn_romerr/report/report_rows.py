@@ -247,5 +247,7 @@ def of_estimates(doubts: Iterable[Doubt]) -> list[Doubt]:
 def _half_width(x: np.ndarray, half: np.ndarray) -> float:
     """How far the largest |error| over time may be from the largest |x|, each instant's within its half width."""
     size, most = largest(x), float(np.max(np.abs(x) + half, initial=0.0))
+    if not np.isfinite(most):
+        return np.inf
     least = max(float(np.max(np.abs(x) - half, initial=0.0)), 0.0)
     return max(most - size, size - least)

@@ -161,9 +161,8 @@ class Tuning:
             return self._why_none()
         if best is own:
             return f"Enough: {self._named(own)}, as the script has it; no pair that is cheaper is expected to be."
-        share = (
-            f"{100 * best.seconds / own.seconds:.0f} % of the CPU time" if own.seconds else "no CPU time to compare"
-        )
+        times = best.seconds / own.seconds
+        share = f"{times:.2g} times the CPU time" if times > 1 else f"{100 * times:.0f} % of the CPU time"
         return (
             f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
             f"Solves take {share}."
@@ -185,7 +184,8 @@ class Tuning:
 
     def _named(self, run: PairRun) -> str:
         numbers = self._counts(run.pair.numbers)
-        return f"{numbers and f'{numbers} modes and '}{run.pair.steps} steps"
+        modes = "1 mode" if numbers == "1" else f"{numbers} modes"
+        return f"{numbers and f'{modes} and '}{run.pair.steps} steps"
 
     def _counts(self, numbers: Sequence[int]) -> str:
         """Numbers of those calls whose modes a body has that is known."""

@@ -12,8 +12,9 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.mode_selection.modal_content import Content
-from exudyn_romerr.mode_selection.pairs import Pair, PairSearch
+from exudyn_romerr.mode_selection.pairs import Pair, PairRun, PairSearch
 from exudyn_romerr.mode_selection.search import cheapest, search
+from exudyn_romerr.report.answers import Answer
 from exudyn_romerr.scripts import tune as tune_module
 from exudyn_romerr.scripts.child_run import Request, Result, run_child
 
@@ -249,6 +250,19 @@ def test_search_keeps_what_was_enough_before_an_error():
     with pytest.raises(ValueError, match="mine"):
         search(run, [1], lambda runs: 3, 9)
     assert len(search(run, [2], lambda runs: 2, 4)[0]) == 4
+
+
+def test_causes_that_cancel_each_other_are_not_enough():
+    """A beam was "enough" with twice the tolerance of either sign; with finer steps it was 8 times as wrong."""
+    row = {"name": "tip", "component": 0, "solve": 0, "tolerance": 100.0, "interfaces": None, "start": None}
+    row |= {"modes": verdict(240.0), "step": verdict(250.0), "sum": verdict(10.0)}
+    content = Content(np.array([[240.0]]), {0: np.array([[[30.0]]])}, np.array([[-250.0]]), np.zeros((1, 1)))
+    run = PairRun(Pair((1,), 100), [row], {(0, "tip"): content}, 1.0)
+    assert run.answer is Answer.TOO_LARGE
+    assert not run.is_enough
+    assert run.worst.ratio == pytest.approx(2.55)  # of the step with its half width
+    assert run.expected(run.pair, 2.0).ratio == pytest.approx(2.55)
+    assert not math.isfinite(run.steps_for((1,), 2.0))  # no step cures modes
 
 
 def test_time_grows_with_modes_as_runs_show():
