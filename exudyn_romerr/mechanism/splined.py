@@ -119,9 +119,14 @@ class Splined:
             found[:, of.own] = of.axes(rows) @ found[:, of.own]
         return found
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether forces at the ends of steps follow what is at their begins."""
+        return SAMPLED[0] in self._fixed
+
     def sampled(self, rows: Rows) -> list[np.ndarray]:
         """Return what Reading.sampled is at rows, (T, n_a, n_a) twice; empty: nothing is fed back so."""
-        return [self(name, rows) for name in SAMPLED if name in self._fixed]
+        return [self(name, rows) for name in SAMPLED] if self.is_sampled else []
 
     def stiffness(self, rows: Rows) -> np.ndarray:
         """Return K (T, n_a, n_a) with what multipliers make of turning constraints."""

@@ -36,7 +36,8 @@ def estimates(
     given every block of the modes' errors; content : these and the number of their first row. squares : see Modes.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
-    steps, linearity, feedback = Steps(of, before), Linearity(of), MissedFeedback(of)
+    steps, linearity = Steps(of, before), Linearity(of)
+    feedback = MissedFeedback(of) if of.readings.splined.is_sampled else None
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
@@ -54,12 +55,12 @@ def estimates(
             of_steps, forces = steps.take(wide, inner, a)
             e, lam = e - of_steps, lam - forces[:, of.equations.independent]
         linearity.take(wide[inner].as_if_at_once(), a, e[..., : of.unknowns.n_a], lam)
-        if wide.sampled:
+        if feedback is not None:
             feedback.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
     found = modes.estimates() | ({} if is_static else {"step": steps.estimate()})
     for cause, check in LINEARISED.items():
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
-    if wide.sampled:
+    if feedback is not None:
         found["step"].half_widths[FEEDBACK] += feedback.largest["feedback"]
     return found, EndState(of.unknowns, *modes.end, steps.flow.e), modes.squares

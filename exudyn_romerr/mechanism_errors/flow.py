@@ -15,7 +15,6 @@ import scipy.linalg as la
 from ..compiled.loops import loops
 from ..mechanism.rotations import times
 from ..mechanism.samples import Rows
-from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
 
@@ -103,9 +102,9 @@ class Flow:
             ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
-            at_ends = around.between(len(steps))
-            found[where, 2] = at_ends.a21 @ x + at_ends.a22 @ w
-            forces = (at_ends.b21 @ x + at_ends.b22 @ w)[:, : len(self._constraints)]
+            a21, a22, b21, b22 = around.between(len(steps))
+            found[where, 2] = a21 @ x + a22 @ w
+            forces = (b21 @ x + b22 @ w)[:, : len(self._constraints)]
             lam[where[:, None], self._constraints] = forces
         own = slice(first, first + count)
         lam[:, self._constraints] += self._of_multipliers(
@@ -260,9 +259,9 @@ def by_exponentials(
     return ends
 
 
-def in_unknowns(block: Block, unknowns: Unknowns, e: np.ndarray) -> np.ndarray:
+def in_unknowns(rows: Rows, unknowns: Unknowns, e: np.ndarray) -> np.ndarray:
     """Return e (T, 3, n_q, columns) in unknowns in global axes (T, 3, n, columns), zero of vectors."""
-    rows, n_a = block.rows, unknowns.n_a
+    n_a = unknowns.n_a
     H, H1, H2 = unknowns.inverses(rows.q, rows.v, rows.a)
     found = np.zeros((len(rows), 3, unknowns.n, e.shape[-1]))
     found[:, 0, :n_a] = H @ e[:, 0]

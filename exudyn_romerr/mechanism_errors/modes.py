@@ -84,7 +84,8 @@ class Modes:
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
         for b, own in enumerate(u.of_vectors()):
-            self.squares[b] = self.squares[b] + whole[:, 0, own, -1].T @ whole[:, 0, own, -1]
+            x = whole[:, 0, own, -1]
+            self.squares[b] = self.squares[b] + x.T @ x
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))

@@ -98,10 +98,10 @@ class FrozenSteps(Samples):
             *(C, _derivative(powers, 1.0, 1) / h, W, np.maximum(np.einsum("tii->ti", M), 0.0)),
         )
 
-    def between(self, count: int) -> FrozenSteps:
-        """Return the means of the first `count` steps and the next ones: equations at the rows where these join."""
+    def between(self, count: int) -> list[np.ndarray]:
+        """Return a21, a22, b21, b22 at the rows where the first `count` steps and the next ones join: their means."""
         after = np.minimum(np.arange(count) + 1, len(self.a21) - 1)
-        return FrozenSteps(*((x[:count] + x[after]) / 2 for x in vars(self).values()))
+        return [(x[:count] + x[after]) / 2 for x in (self.a21, self.a22, self.b21, self.b22)]
 
     def projected(self, x: np.ndarray, w: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
         """Return errors x (n, columns) and their rates w that obey the constraints at the end of step i."""

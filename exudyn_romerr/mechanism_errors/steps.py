@@ -35,7 +35,7 @@ class Steps:
             inner,
             None if before is None else before.steps,
         )
-        self._largest, self._kept, self._is_sampled = Largest(), [], False
+        self._largest, self._kept, self._is_sampled = Largest(), [], of.readings.splined.is_sampled
 
     def take(self, wide: Block, inner: slice, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Go on through rows `inner` of a block with neighbours; number `first` of the run is the first of these.
@@ -45,11 +45,11 @@ class Steps:
         e (T, 3, n), multipliers (T, all) : what the steps make wrong
         """
         of, delay = self._of, None
-        if wide.sampled:
-            delay, wide, self._is_sampled = of.equations.delay(wide.rows), wide.as_if_at_once(), True
+        if self._is_sampled:
+            delay, wide = of.equations.delay(wide.rows), wide.as_if_at_once()
         system = ReducedSystem.of(wide, of.unknowns)
         e, lam = self.flow(wide.rows, system, inner.start, inner.stop - inner.start, delay)
-        e = in_unknowns(wide[inner], of.unknowns, e)
+        e = in_unknowns(wide.rows[inner], of.unknowns, e)
         y = of.outputs(first, -e, -lam)
         self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1], jumps=y[..., 0] - y[..., -1])
         if self._is_sampled and len(e) > 1:

@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..report.formats.atomic_write import write_whole
-from ..report.formats.html_page import CSS, _paragraph, _table
+from ..report.formats.html_page import CSS, html_table, paragraph
 from ..report.table import aligned
 from ..report.wording import digits, percent, rounded_up, with_unit
 from .mode_properties import Coordinates, Frequencies
 
 if TYPE_CHECKING:
     import os
+
+    from .without_modes import InRun
 
 ALONE = "Each coordinate alone, in the order of the body's; effective mass beside those before it"
 HELD = "Frequencies of the body as it is held in its frame; of the full model none is missed (Sylvester's law)"
@@ -29,19 +31,6 @@ LACKS = "Not there, the lowest of the full body: {}."
 MISSED = "Missed most in the run: {} of the strain energy that is missed; the rest is in others."
 MOST, MUCH = 5, 10.0  # modes that are named; a relative difference of which no percentage is told
 HEAD = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Modes</title>'
-
-
-@dataclass(frozen=True)
-class InRun:
-    """What coordinates do in a run: energy (n,), shares of the strain energy; sensors {name: (unit, (n,))}.
-
-    vectors (N, m) beside the modes, and the sum over the run of x x^T (m, m), x what the error has of them.
-    """
-
-    energy: np.ndarray
-    sensors: dict[str, tuple[str, np.ndarray]]
-    vectors: np.ndarray
-    squares: np.ndarray
 
 
 class Column(NamedTuple):
@@ -157,8 +146,8 @@ def _csv(tables: Sequence[ModeTable]) -> str:
 def _page(tables: Sequence[ModeTable]) -> str:
     parts = [f"{HEAD}\n<style>{CSS}</style>\n</head>\n<body>"]
     for of in tables:
-        parts += [f"<h1>Modes of {escape(of.name)}</h1>", _paragraph(f"{of.why}.")]
-        parts += [*(_table(*table, "numbers") for table in of.tables()), *map(_paragraph, of.lines())]
+        parts += [f"<h1>Modes of {escape(of.name)}</h1>", paragraph(f"{of.why}.")]
+        parts += [*(html_table(*one, "numbers") for one in of.tables()), *map(paragraph, of.lines())]
     return "\n".join([*parts, "</body>\n</html>\n"])
 
 

@@ -8,6 +8,7 @@ that makes it so. With the inverse X of a step's matrix that is one division: d 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,9 +16,9 @@ import numpy as np
 
 from ..mechanism.tangents import block_of
 from ..mechanism_errors.factors import bordered_inverses, bordered_pseudoinverses
+from ..mechanism_errors.flow import in_unknowns
 from ..mechanism_errors.march import is_at_rest, predicted
 from ..mechanism_errors.reduced_system import ReducedSystem
-from .mode_table import InRun
 
 if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
@@ -35,6 +36,19 @@ class Shown(NamedTuple):
     unit: str
     rows: np.ndarray
     extents: np.ndarray
+
+
+@dataclass(frozen=True)
+class InRun:
+    """What coordinates do in a run: energy (n,), shares of the strain energy; sensors {name: (unit, (n,))}.
+
+    vectors (N, m) beside the modes, and the sum over the run of x x^T (m, m), x what the error has of them.
+    """
+
+    energy: np.ndarray
+    sensors: dict[str, tuple[str, np.ndarray]]
+    vectors: np.ndarray
+    squares: np.ndarray
 
 
 class WithoutModes:
@@ -113,13 +127,9 @@ class WithoutModes:
 
     def _shown(self, first: int, rows: object, d: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """What outputs show of changes of coordinates d (T, 3, n_q, modes)."""
-        u, (H, H1, H2) = self._unknowns, self._unknowns.inverses(rows.q, rows.v, rows.a)
-        e, (q, v, a) = np.zeros((len(rows), 3, u.n, d.shape[-1])), np.moveaxis(d, 1, 0)
-        e[:, 0, : u.n_a], e[:, 1, : u.n_a] = H @ q, H @ v + H1 @ q
-        e[:, 2, : u.n_a] = H @ a + 2 * H1 @ v + H2 @ q
         wide = np.zeros((len(rows), self._rows.multipliers.shape[1], d.shape[-1]))
         wide[:, self._independent] = self._sign * lam[:, : len(self._independent)]
-        return self._outputs(first, e, wide)
+        return self._outputs(first, in_unknowns(rows, self._unknowns, d), wide)
 
 
 def _known(largest: np.ndarray, extents: np.ndarray) -> np.ndarray:

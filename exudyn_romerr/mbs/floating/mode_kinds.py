@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...model.admissible_space import MeanMotion, mean_motion
-from .reference_search import _holds, _rigid_motions_in, _still_nodes, _unmarked
+from .reference_search import holds, rigid_motions_in, still_nodes, unmarked
 
 if TYPE_CHECKING:
     from .floating_body import FloatingBody
@@ -50,7 +50,7 @@ def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
     found = _interfaces(flex, V)
     held = [one for one in found if not one.modes]
     moved = sorted((one for one in found if one.modes), key=lambda one: min(one.modes))
-    first = 2 if held or not _rigid_motions_in(V, flex) else 1
+    first = 2 if held or not rigid_motions_in(V, flex) else 1
     said, n = {}, V.shape[1]
     for number, one in enumerate(moved, first):
         said |= {j: f"static, {one.called(number)}, {way}" for j, way in one.modes.items()}
@@ -108,7 +108,7 @@ def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion
     given = [(repr(x.get("Name", "")), x.get("NodeNumbers", ()), x.get("NodeWeights", ())) for x in sets]
     given += [(name, nodes, ()) for name, nodes, _ in given]
     given += [(name, x.nodes, x.weights) for name, x in flex.known.get("interfaces", {}).items()]
-    given += [("", sorted(nodes), ()) for nodes in [*_unmarked(flex, V), _still_nodes(flex, V).tolist()]]
+    given += [("", sorted(nodes), ()) for nodes in [*unmarked(flex, V), still_nodes(flex, V).tolist()]]
     return [(name, motion) for name, nodes, weights in given if (motion := _motion(flex, nodes, weights)) is not None]
 
 
@@ -117,7 +117,7 @@ def _motion(flex: FloatingBody, nodes: Any, weights: Any) -> MeanMotion | None:
         found = mean_motion(nodes, weights if len(weights) else None)
     except InputError:
         return None
-    return found if _holds(found.nodes[found.weights > 0], flex.positions) else None
+    return found if holds(found.nodes[found.weights > 0], flex.positions) else None
 
 
 def _moves(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> np.ndarray:

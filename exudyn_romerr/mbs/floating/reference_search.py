@@ -148,8 +148,8 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
         fits = {name: candidate for name, candidate in candidates.items() if tried[name] <= HELD}
         if fits:
             return _the_only(fits, flex)
-    still = _still_nodes(flex, V)
-    if _holds(still, flex.positions):
+    still = still_nodes(flex, V)
+    if holds(still, flex.positions):
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
     candidates = {**interfaces, **_node_sets(flex.fem), MASS_ORTHOGONAL: MassOrthogonal()}
     known = (Reference(candidate, name) for name, candidate in candidates.items() if np.isfinite(tried[name]))
@@ -166,11 +166,11 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
 
 def _cure(flex: FloatingBody, V: np.ndarray) -> str:
     """What to do where no conditions fit: others help only if the modes do not make rigid motions themselves."""
-    count = _rigid_motions_in(V, flex)
+    count = rigid_motions_in(V, flex)
     return WITHOUT_RIGID.format(count) if count else CURE
 
 
-def _rigid_motions_in(V: np.ndarray, flex: FloatingBody) -> int:
+def rigid_motions_in(V: np.ndarray, flex: FloatingBody) -> int:
     """How many rigid motions are combinations of the modes."""
     motions, moved = (_orthonormal(x, flex.mass) for x in (rigid_modes(flex.positions), V))
     inside = np.linalg.svd(motions.T @ (flex.mass @ moved), compute_uv=False)
@@ -208,8 +208,8 @@ def held_body(flex: FloatingBody, rayleigh: tuple[float, float], reference: Refe
 
 def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
     """Return the nodes that no mode moves; AssumptionError unless they hold the body, as RBE2 modes do."""
-    still = _still_nodes(flex, V)
-    if flex.reference is not None or not _holds(still, flex.positions):
+    still = still_nodes(flex, V)
+    if flex.reference is not None or not holds(still, flex.positions):
         raise AssumptionError(
             f"interfaces='rigid' is for RBE2 modes, which leave the nodes of one interface still; found {still.size} "
             "still nodes; use interfaces='free'"
@@ -232,15 +232,15 @@ def stiff_space(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMot
     None if the truth has rigid interfaces too, or if the modes are of another kind. Interfaces of fewer than three
     nodes do not count: modes cannot make them rigid. Those without a marker are found by modes that vanish there.
     """
-    if flex.interfaces == "rigid" or flex.reference is not None or not _holds(_still_nodes(flex, V), flex.positions):
+    if flex.interfaces == "rigid" or flex.reference is not None or not holds(still_nodes(flex, V), flex.positions):
         return None
-    wide = [set(motion.nodes.tolist()) for motion in interfaces.values() if _holds(motion.nodes, flex.positions)]
-    found = _rigid_interfaces(flex, V, wide + _unmarked(flex, V))
+    wide = [set(motion.nodes.tolist()) for motion in interfaces.values() if holds(motion.nodes, flex.positions)]
+    found = _rigid_interfaces(flex, V, wide + unmarked(flex, V))
     fixed = np.array(found.fixed)
     return Space(len(V), fixed, None, rigid_parts(found.rigid, fixed, flex.positions) if found.rigid else ())
 
 
-def _unmarked(flex: FloatingBody, V: np.ndarray) -> list[set[int]]:
+def unmarked(flex: FloatingBody, V: np.ndarray) -> list[set[int]]:
     """Nodes at which the same modes vanish, not all: fixed-interface eigenmodes and static modes of other interfaces.
 
     Exact zeros, which Exudyn's modes have there; whether such nodes move as one rigid body is not looked at.
@@ -250,7 +250,7 @@ def _unmarked(flex: FloatingBody, V: np.ndarray) -> list[set[int]]:
     kinds = np.unique(vanish[vanish.any(axis=1)], axis=0)
     # rotations vanish on their axes, too: some nodes have more zeros than the others of their interface
     groups = (np.flatnonzero((vanish | ~kind).all(axis=1)) for kind in kinds)
-    return [set(nodes.tolist()) for nodes in groups if _holds(nodes, flex.positions)]
+    return [set(nodes.tolist()) for nodes in groups if holds(nodes, flex.positions)]
 
 
 def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:
@@ -262,7 +262,7 @@ def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:
     return sorted(tuple(sorted(nodes)) for nodes in merged)
 
 
-def _still_nodes(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
+def still_nodes(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
     return np.flatnonzero(~V.reshape(len(flex.positions), -1).any(axis=1))
 
 
@@ -330,7 +330,7 @@ def _same_space(C: np.ndarray, other: np.ndarray) -> bool:
     return bool(np.max(np.abs(other - (other @ Q) @ Q.T)) < HELD)
 
 
-def _holds(nodes: np.ndarray, positions: np.ndarray) -> bool:
+def holds(nodes: np.ndarray, positions: np.ndarray) -> bool:
     if nodes.size < 3:
         return False
     arms = positions[nodes] - positions[nodes].mean(axis=0)

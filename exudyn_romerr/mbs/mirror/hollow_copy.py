@@ -23,7 +23,7 @@ from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations
 from ..access.solvers import threads
-from ..access.state_guard import set_state, state_in_place
+from ..access.state_guard import state_in_place
 from .pre_step import PreStep
 from .vectors import Enriched
 
@@ -77,6 +77,9 @@ class HollowCopy:
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
+        self._state = state_in_place(
+            self.mbs.systemData
+        )  # to be asked for once: that takes twice as long as to set it
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
@@ -102,9 +105,9 @@ class HollowCopy:
         self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
     ) -> None:
         """Set a state in coordinates of the copy."""
-        system = self.mbs.systemData
-        forces = state_in_place(system)[3] if multipliers is None else multipliers
-        set_state(system, t, (q, v, a, forces))
+        self.mbs.systemData.SetTime(t)
+        for place, x in zip(self._state, (q, v, a) if multipliers is None else (q, v, a, multipliers), strict=False):
+            place[:] = x
 
     def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return J, J', J'' (3, T, size, n_a) in states (T, size)."""
@@ -125,7 +128,7 @@ class HollowCopy:
         self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return M a - f (T, n_a), G^T (T, n_a, all), g (T, all) in states (T, size), in axes of their bodies."""
-        T, count = len(q), len(state_in_place(self.mbs.systemData)[3])  # T is 0 where forces know no unknown
+        T, count = len(q), len(self._state[3])  # T is 0 where forces know no unknown
         R, G, g = (np.zeros((T, *shape)) for shape in ((self.size,), (count, self.size), (count,)))
         for i, state in enumerate(zip(q, v, a, strict=True)):
             R[i] = self._forces(t, *state)

@@ -96,6 +96,7 @@ class Sensors:
             for out in of_body:
                 self._add_output(b, out)
         self._asked = [one for one in self.shown if one.rows.start not in {node.first for node in self.nodes}]
+        self._pre_step = pre_step
         self._copy = HollowCopy(mbs, enriched, unknowns, detached, True, pre_step) if self._asked else None
 
     def _add(self, number: int) -> None:
@@ -166,7 +167,7 @@ class Sensors:
 
     def _leave_out_what_is_set(self, rows: Rows) -> None:
         """Leave out sensors of what a PreStep function sets by what it sees: they are off at once, too."""
-        if self._copy is None:
+        if self._copy is None or self._pre_step is None:
             return
         t, q, v, a, lam = rows.row(-1)
         shown = []
@@ -237,10 +238,7 @@ class _Differences:
         _, q, v, a, _ = self._state(i)
         u, J = self._unknowns, np.zeros((3, self._copy.size, self._unknowns.n))
         J[..., : u.n_a] = self._copy.jacobians(q[None], v[None], a[None])[:, 0]
-        columns = []
-        for body, at, wave in zip(u.bodies, u.blocks, u.waves, strict=True):
-            columns += [*range(at.start + 6 + body.n, at.stop), *range(wave.start, wave.stop)]
-        J[0, self._copy.extra, columns] = 1.0
+        J[0, self._copy.extra, np.concatenate(u.of_vectors())] = 1.0
         return J
 
     def gradients(self, i: int) -> list[np.ndarray]:

@@ -195,8 +195,7 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        is_sampled = bool(readings.splined.sampled(rows[:1]))
-        why_not = _why_unbounded(asked, errors is not None or doubts, is_sampled)
+        why_not = _why_unbounded(asked, errors is not None or doubts, readings.splined.is_sampled)
         bounds, why_not = _bounds(of, sensors, bodies, why_not)
         content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
         watches = bounds and bounds.take, content and content.take

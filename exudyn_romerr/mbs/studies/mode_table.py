@@ -18,7 +18,8 @@ from ...mode_selection.mode_properties import (
     missed_modes,
     residual_share,
 )
-from ...mode_selection.mode_table import InRun, ModeTable
+from ...mode_selection.mode_table import ModeTable
+from ...mode_selection.without_modes import InRun
 from ...model.body import ElasticBody
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody

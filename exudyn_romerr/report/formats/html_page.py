@@ -123,11 +123,11 @@ def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{safe}">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
         f"<style>{CSS}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>",
-        *([_paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
-        _paragraph(_extent(report), "extent"),
+        *([paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
+        paragraph(_extent(report), "extent"),
         *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
         *_verdicts(report, tolerances),
-        _section("Messages", _items(report.messages) if report.messages else _paragraph("None.")),
+        _section("Messages", _items(report.messages) if report.messages else paragraph("None.")),
         _section("What the bounds cover", *_scope(report)),
         _section("Figures", *figures(report, tolerances)),
         _section("Tables", *_tables(report)),
@@ -147,19 +147,19 @@ def _extent(report: ReportData) -> str:
 
 def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
     if not report.outputs:
-        yield _paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
+        yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
         return
     rows = rows_of(report, tolerances)
     outputs = by_sensor(rows)
     asked = asked_for(report, rows, tolerances)
     what = "output" if len(asked) == len(rows) else "output asked for"
-    yield _paragraph(summary(asked, what, ASSESS), "first")
-    yield from (_paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
+    yield paragraph(summary(asked, what, ASSESS), "first")
+    yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
     head, *lines = table(outputs, "output")
-    yield _table("All outputs", head, lines)
+    yield html_table("All outputs", head, lines)
     head, *lines = table(rows, "component")
     if len(rows) > len(outputs):
-        yield _table("All components", head, lines)
+        yield html_table("All components", head, lines)
     notes = [f"{name}: {note}" for out, row, name in components_of(report) for note in _notes(report, out, row)]
     if notes:
         yield _items(notes)
@@ -185,16 +185,16 @@ def _notes(report: ReportData, out: OutputReport, row: int) -> Iterator[str]:
 
 def _scope(report: ReportData) -> Iterator[str]:
     rows = [(f"'{e}'", scope, MEANINGS[scope], report.reasons[e]) for e, scope in report.scope.items()]
-    yield _table("", ("estimator", "scope", "which means", "assumptions"), rows)
+    yield html_table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
-        yield _paragraph(f"Why: {report.scope_reason}.")
+        yield paragraph(f"Why: {report.scope_reason}.")
     if report.uncertified:
-        yield _paragraph("No bound of this run is certified:")
+        yield paragraph("No bound of this run is certified:")
         yield _items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
     is_of_body = report.time == "reconstructed" and widest_scope(report.scope) == FROZEN
     time = OF_THE_BODY if is_of_body else TIME_WORDS[report.time]
-    yield _paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
+    yield paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
 def _tables(report: ReportData) -> Iterator[str]:
@@ -208,11 +208,11 @@ def _tables(report: ReportData) -> Iterator[str]:
             "round-off",
         )
         rows = [_output_row(report, out, row, name, estimators) for out, row, name in components_of(report)]
-        yield _table("Largest bounds of outputs, and when", head, rows, "numbers")
+        yield html_table("Largest bounds of outputs, and when", head, rows, "numbers")
     if estimated := [found for found in components_of(report) if is_known(found[0], found[1])]:
         head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
         rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
-        yield _table("Estimates of the error, largest values over time", head, rows, "numbers")
+        yield html_table("Estimates of the error, largest values over time", head, rows, "numbers")
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     norms = (report.position_bound, report.velocity_bound)
@@ -225,7 +225,7 @@ def _tables(report: ReportData) -> Iterator[str]:
     ]
     head = ("estimator", "bound of the error of position", "of velocity")
     if rows:  # a mechanism has none
-        yield _table(f"The whole body, {what}, in the units of the model", head, rows, "numbers")
+        yield html_table(f"The whole body, {what}, in the units of the model", head, rows, "numbers")
 
 
 def _output_row(report: ReportData, out: OutputReport, row: int, name: str, estimators: list[str]) -> list[str]:
@@ -266,20 +266,20 @@ def _largest_and_when(report: ReportData, bound: np.ndarray, unit: str = "") -> 
 def _plan(report: ReportData) -> Iterator[str]:
     yield _items(report.plan.computed)
     if report.plan.left_out:
-        yield _table("Left out, and why", ("what", "why"), report.plan.left_out)
+        yield html_table("Left out, and why", ("what", "why"), report.plan.left_out)
 
 
 def _versions(report: ReportData) -> str:
     run, here = report.made, made_here()
     rows = [(name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here}]
-    return _table("", ("", "bounds", "this page"), rows)
+    return html_table("", ("", "bounds", "this page"), rows)
 
 
 def _again(report: ReportData) -> Iterator[Any]:
     if not report.origin:
-        yield _paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
+        yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
         return
-    yield _paragraph("This page, the summary and all numbers over time, from the saved report:")
+    yield paragraph("This page, the summary and all numbers over time, from the saved report:")
     commands = [f'romerr {what} "{report.origin}"' for what in ("report", "show", "csv")]
     calls = ["import exudyn_romerr as romerr", f"report = romerr.load_report({report.origin!r})", "print(report)"]
     yield from (f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in (commands, calls))
@@ -304,7 +304,7 @@ def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterato
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
     left = [name for _, _, name in components_of(report) if name not in {name for _, _, name in drawn}]
     if left:
-        yield _paragraph(
+        yield paragraph(
             "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first, "
             f"what was not asked for last. Not drawn: {', '.join(left)}. "
             'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
@@ -360,7 +360,7 @@ def _section(title: str, *content: str) -> str:
     return "\n".join([f'<section id="{number}">', f"<h2>{escape(title)}</h2>", *content, "</section>"])
 
 
-def _paragraph(text: str, kind: str = "") -> str:
+def paragraph(text: str, kind: str = "") -> str:
     """Return a paragraph of a CSS class."""
     return f'<p class="{kind}">{_words(text)}</p>' if kind else f"<p>{_words(text)}</p>"
 
@@ -370,7 +370,7 @@ def _items(texts: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{_words(text)}</li>" for text in texts) + "\n</ul>"
 
 
-def _table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "prose") -> str:
+def html_table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "prose") -> str:
     """Return a table of a CSS class; the first cell of a row is its heading."""
     above = f"<caption>{escape(caption)}</caption>\n" if caption else ""
     top = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
