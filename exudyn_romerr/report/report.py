@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
-from ..linear.trajectory.samples import instants_in
+from ..linear.residual.samples import instants_in
 from .answers import Tolerances, tolerances_of
 from .assessment import Assessment, assess
 from .data import OutputReport, ReportData

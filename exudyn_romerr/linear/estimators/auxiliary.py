@@ -9,7 +9,7 @@ import numpy as np
 from ...linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ...linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
-from ..trajectory.segments import Block, Start
+from ..residual.segments import Block, Start
 from .bounds import Bounds
 from .energy import Energy, smallest
 

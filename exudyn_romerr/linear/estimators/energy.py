@@ -9,7 +9,7 @@ import numpy as np
 
 from ...linalg.linear_recurrence import decaying_sums
 from ..residual.decay_rates import DecayRate, body_rates
-from ..trajectory.segments import Block, Start
+from ..residual.segments import Block, Start
 from .bounds import Bounds, times
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..trajectory.segments import Block, Start
+    from ..residual.segments import Block, Start
     from .bounds import Bounds
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...linalg import oscillator
 from ...linalg.linear_recurrence import decaying_sums
 from ..residual.kernels import LagTable
-from ..trajectory.segments import Block, Start
+from ..residual.segments import Block, Start
 from .bounds import Bounds, times
 
 if TYPE_CHECKING:

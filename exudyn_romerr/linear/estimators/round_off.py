@@ -12,7 +12,7 @@ from ...model.matrix_checks import DOUBLE
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
     from ..residual.problem import Problem
-    from ..trajectory.samples import Samples
+    from ..residual.samples import Samples
 
 
 class Rounded(NamedTuple):

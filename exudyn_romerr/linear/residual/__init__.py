@@ -1,1 +1,1 @@
-"""The residual R = L z, its norms, kernels, decay rates: all full-size constants that estimators are made of."""
+"""The residual R = L z over time, its norms, kernels, decay rates: all that estimators are made of."""

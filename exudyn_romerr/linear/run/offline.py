@@ -10,7 +10,7 @@ import numpy as np
 from ...checks import check_finite
 from ...errors import InputError
 from ...linalg.blocked_products import row_norms
-from ..trajectory.segments import Start
+from ..residual.segments import Start
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ..estimators.energy import StaticError
     from ..estimators.estimator import Estimator
     from ..estimators.round_off import RoundOff
+    from ..residual.input_signal import InputSignal
     from ..residual.residual import Coordinates
-    from ..trajectory.input_signal import InputSignal
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from ..estimators.energy import StaticError
 from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.round_off import RoundOff, of_input
 from ..estimators.turning_frame import Turning
+from ..residual.input_signal import InputSignal
 from ..residual.interface_stiffening import static_errors
 from ..residual.problem import Deferred, Problem, checked_outputs
-from ..trajectory.input_signal import InputSignal
 from .offline import Offline
 from .planning import make_plan
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...linalg.blocked_products import norms_times
 from ...report.data import NodeFields
 from ...report.scope import SMOOTHLY
-from ..trajectory.growing_array import GrowingArray
+from ..residual.samples import GrowingArray
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..estimators.bounds import Bounds
     from ..estimators.node_bounds import AtNodes
     from ..estimators.round_off import Rounded
-    from ..trajectory.samples import Samples
+    from ..residual.samples import Samples
     from .offline import Offline
 
 
@@ -74,7 +74,7 @@ class RunRecord:
     nodes : fields at every node, on demand. messages : what was noted along the run. doubts : why no bound is
     certified.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
-    rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
+    rounding_share, largest_miss : of the reconstruction, see residual.reconstruction; None if there is none.
     """
 
     offline: Offline

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import RunError
 from ...report.scope import Doubt, Reason
-from ..trajectory.reconstruction import Linear, Quintic
-from ..trajectory.samples import Extension, Jump, Samples, checked_states, make_jumps
-from ..trajectory.segments import Start, turn_of
+from ..residual.reconstruction import Linear, Quintic
+from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
+from ..residual.segments import Start, turn_of
 from .balance import Balance
 from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
 from .stream import Stream, best_outputs

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..estimators.bounds import Bounds, Worst, of_output
-from ..trajectory.growing_array import GrowingArray
-from ..trajectory.segments import Block, Start
+from ..residual.samples import GrowingArray
+from ..residual.segments import Block, Start
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -13,7 +13,7 @@ from ...report.wording import NO_OUTPUTS
 from ..estimators.bounds import of_output
 from ..estimators.causes import estimated
 from ..residual.interface_stiffening import interface_share
-from ..trajectory.reconstruction import ROUNDING_SHARE
+from ..residual.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
     from ...model.outputs import Output, View

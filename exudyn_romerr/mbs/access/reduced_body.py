@@ -13,9 +13,9 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from ...basis.basis import Basis
 from ...checks import check_array, check_type
 from ...errors import AssumptionError, InputError
+from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.residual import initial_coordinates
 from ...linear.run.prepare import prepare
-from ...linear.trajectory.input_signal import InputSignal
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs
 from .detached import Detached

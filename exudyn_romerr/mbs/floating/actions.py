@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...linear.trajectory.input_signal import FEW, values_at_once
+from ...linear.residual.input_signal import FEW, values_at_once
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
 from ..access.detached import Detached, OnlyReads

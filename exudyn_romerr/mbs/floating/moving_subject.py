@@ -14,9 +14,9 @@ from ...basis.basis import Basis
 from ...checks import check_finite
 from ...errors import AssumptionError
 from ...linalg.blocked_products import consecutive
+from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.problem import Deferred
 from ...linear.run.prepare import BoundOptions, prepare
-from ...linear.trajectory.input_signal import InputSignal
 from ...model.floating_frame import FramePose, Jitter
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene

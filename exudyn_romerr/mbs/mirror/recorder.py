@@ -10,7 +10,7 @@ from weakref import finalize
 import numpy as np
 
 from ...errors import RunError
-from ...linear.trajectory.growing_array import GrowingArray
+from ...linear.residual.samples import GrowingArray
 from ...mechanism.samples import Rows
 from ..access.state_guard import state_in_place
 

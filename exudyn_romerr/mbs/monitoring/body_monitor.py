@@ -17,8 +17,8 @@ from ..access.endings import SAME_TIME
 from ..access.solvers import solver_facts
 
 if TYPE_CHECKING:
+    from ...linear.residual.samples import Extension
     from ...linear.run.offline import Offline
-    from ...linear.trajectory.samples import Extension
     from ...report.data import Plan
     from ..access.reduced_body import LinearSubject
     from ..floating.moving_subject import MovingSubject

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ...linear.trajectory.samples import SAME_TIMES
+from ...linear.residual.samples import SAME_TIMES
 from ..wording import under
 from .style import largest_in_words
 

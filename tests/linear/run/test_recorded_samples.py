@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from exudyn_romerr.linear.residual.samples import Samples
 from exudyn_romerr.linear.run.record import RecordedSamples
-from exudyn_romerr.linear.trajectory.samples import Samples
 
 ROWS, n = 50, 40
 OFFLINE = SimpleNamespace(

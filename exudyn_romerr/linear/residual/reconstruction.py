@@ -19,8 +19,8 @@ from .segments import Block
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ..residual.residual import Coordinates
     from .input_signal import InputSignal
+    from .residual import Coordinates
     from .samples import Jump, Samples
 
 SAFETY = 6.0  # what lies between the checks may be larger: a single kink at its worst place 2.6 times

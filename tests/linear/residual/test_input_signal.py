@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.errors import AssumptionError, InputError
-from exudyn_romerr.linear.trajectory.input_signal import COMPARED, InputSignal
+from exudyn_romerr.linear.residual.input_signal import COMPARED, InputSignal
 from exudyn_romerr.mbs.floating.actions import OfTime, over_time
 
 T = np.linspace(0.0, 3.0, 1000)

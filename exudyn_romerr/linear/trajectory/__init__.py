@@ -1,1 +1,0 @@
-"""A reduced trajectory: samples, inputs between them, segments."""
