@@ -106,7 +106,7 @@ class AnyDamping:
 
     def __init__(self, problem: Problem):
         body, factor = problem.body, problem.body.stiffness_factor
-        modes, L = body.modes(problem.auxiliary_modes), problem.map.L
+        modes, L = body.modes(problem.options.auxiliary_modes), problem.map.L
         P, responses = modes.shapes, factor.solve(L)
         self.omega, self.lowest = modes.omega, float(modes.omega[0]) * (1 - GAP)
         self.DP, self.PL, self.CP = P.T @ (body.D @ P), P.T @ L, problem.rows.C @ P

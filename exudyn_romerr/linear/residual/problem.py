@@ -1,11 +1,12 @@
-"""Problem: the full-size offline quantities of one body, basis, inputs and outputs, each made when first needed.
+"""BoundOptions: what was asked for; Problem: full-size quantities of one body and basis, each made when first needed.
 
-Estimators take small matrices from here when they are built; nothing of it is needed online.
+Estimators take small matrices from a Problem when they are built; nothing of it is needed online.
 """
 
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,38 +37,58 @@ class Deferred(NamedTuple):
     made_of: tuple[Any, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class BoundOptions:
+    """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
+
+    outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
+    its scene makes.
+    """
+
+    inputs: Any = None
+    input_function: Callable | None = None
+    outputs: Sequence[Output] | None = ()
+    initial: Any = None
+    jumps: Sequence[float] = ()
+    estimators: Any = "auto"
+    residual: str = "orthonormal"
+    kernels: str = "certified"
+    time: str = "reconstructed"
+    auxiliary_modes: int | str = "auto"
+    tolerance: Any = None
+
+    @property
+    def live(self) -> bool:
+        """Whether bounds are compared with tolerances, which the plan says."""
+        return self.tolerance is not None
+
+    @classmethod
+    def of(cls, given: dict[str, Any]) -> BoundOptions:
+        """Return those that are among the arguments of a function, its locals()."""
+        return cls(**{field.name: given[field.name] for field in fields(cls) if field.name in given})
+
+
 class Problem:
     """One reduced body with its inputs, outputs and initial condition, on the free coordinates.
 
     dual : norms of the residual. rows : norms of the output rows.
     """
 
-    def __init__(
-        self,
-        body: ElasticBody,
-        basis: Basis,
-        *,
-        inputs: Any = None,
-        outputs: Sequence[Output] = (),
-        initial: Any = None,
-        residual: str = "orthonormal",
-        kernels: str = "certified",
-        auxiliary_modes: int | str = "auto",
-    ):
+    def __init__(self, body: ElasticBody, basis: Basis, options: BoundOptions):
         check_type("body", body, ElasticBody)
         check_type("basis", basis, Basis)
-        check_choice("residual", residual, RESIDUALS)
-        check_choice("kernels", kernels, KERNELS)
-        self.body = body
-        self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
+        check_choice("residual", options.residual, RESIDUALS)
+        check_choice("kernels", options.kernels, KERNELS)
+        # without what may hold the fem, which a problem that is kept beside the body would let live for ever
+        self.body, self.options = body, replace(options, inputs=None, input_function=None, outputs=())
         self.V, self.W = basis.restricted_to(body)
-        inputs = inputs.make() if isinstance(inputs, Deferred) else inputs
+        inputs = options.inputs.make() if isinstance(options.inputs, Deferred) else options.inputs
         self.precision = precision(inputs)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
-        self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
-        C, velocity_rows, _ = self._name(basis, outputs)
-        self.initial_state = _checked_initial(initial, body)
-        self.dual = DualNorms(self.map, self.initial_state, residual, self.has_initial_error)
+        self.map = ResidualMap(body, self.V, self.B, merged=options.residual != "expanded")
+        C, velocity_rows, _ = self._name(basis, options.outputs)
+        self.initial_state = _checked_initial(options.initial, body)
+        self.dual = DualNorms(self.map, self.initial_state, options.residual, self.has_initial_error)
         self.rows = OutputNorms(body, C, velocity_rows, self.dual)
 
     def _name(self, basis: Basis, outputs: Sequence[Output]) -> StackedRows:
@@ -86,12 +107,12 @@ class Problem:
     @property
     def has_initial_error(self) -> bool:
         """False if the initial error is zero by assumption (initial=None)."""
-        return self.initial is not None
+        return self.options.initial is not None
 
     @cached_property
     def kernel(self) -> Kernel:
         """Kernel of the whole body."""
-        return make_kernel(self.body, self.kernels)
+        return make_kernel(self.body, self.options.kernels)
 
     @cached_property
     def split(self) -> Split:
@@ -99,7 +120,7 @@ class Problem:
         requested = np.zeros(len(self.rows.C), dtype=bool)
         for out, part in zip(self.outputs, self.slices, strict=True):
             requested[part] = out.is_requested
-        modes = AuxiliaryModes(self.body, self.V, self.W, self.auxiliary_modes, self.rows, requested)
+        modes = AuxiliaryModes(self.body, self.V, self.W, self.options.auxiliary_modes, self.rows, requested)
         return Split(modes, self.dual)
 
     def with_displacements(self, C: np.ndarray) -> Problem:

@@ -10,7 +10,7 @@ from ...linalg.blocked_products import largest_sizes, rows_times
 from ...report.scope import Doubt, Reason
 
 if TYPE_CHECKING:
-    from .offline import Offline
+    from .prepare import Offline
     from .record import SolverFacts
 
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache

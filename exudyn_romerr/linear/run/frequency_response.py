@@ -19,7 +19,7 @@ from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
 from ..estimators.harmonic import ROUNDED, AnyDamping, ProportionalDamping, solved
 from ..estimators.round_off import RoundOff, of_input
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP
-from ..residual.problem import Problem
+from ..residual.problem import BoundOptions, Problem
 
 if TYPE_CHECKING:
     import os
@@ -155,7 +155,8 @@ def frequency_response(
     if not w.size or np.any(w < 0):
         found = f"has {w.min():g}" if w.size else "is empty"
         raise InputError(f"frequencies {found}; needed: at least one, none below zero, in rad/s")
-    problem = Problem(body, basis, inputs=input, outputs=[output], auxiliary_modes=_mode_count(body, w.max()))
+    modes = _mode_count(body, w.max())
+    problem = Problem(body, basis, BoundOptions(inputs=input, outputs=[output], auxiliary_modes=modes))
     q, ringing = _reduced(problem, w)
     F, p, n = q.shape
     u = np.broadcast_to(np.eye(p), (F, p, p)).reshape(F * p, p)

@@ -14,34 +14,35 @@ if TYPE_CHECKING:
 
     from ...model.body import ElasticBody
     from ...report.scope import Scene
-    from ..residual.problem import Problem
+    from ..residual.problem import BoundOptions, Problem
 
 
-def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, scene: Scene, live: bool) -> Plan:
-    """Return the plan of estimators `names`, chosen by what was `asked` for; live: a tolerance is watched.
+def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Plan:
+    """Return the plan of estimators `names`, chosen by what `options` ask for.
 
     Made last: what a problem makes when first needed, and has not made by then, is left out.
     """
+    sampled = options.time == "sampled"
     left_out = [
-        *_estimators_not_made(problem, names, asked),
+        *_estimators_not_made(problem, names, options.estimators),
         *scene.left_out,
         *_terms_not_there(problem, scene),
-        *([("bound of the error of the time integration", "time='sampled'")] if time == "sampled" else []),
-        *([] if live else [("comparison with a tolerance", "none was given")]),
+        *([("bound of the error of the time integration", "time='sampled'")] if sampled else []),
+        *([] if options.live else [("comparison with a tolerance", "none was given")]),
         ("bounds at nodes", _why_no_nodes(problem.body)),
         ("errors of static solves", "made when a static solve begins"),
         ("plots", "made, and matplotlib loaded, when report.plot is called"),
     ]
-    return Plan(tuple(_computed(problem, names, time, scene, live)), tuple(left_out))
+    return Plan(tuple(_computed(problem, names, options, scene)), tuple(left_out))
 
 
-def _computed(problem: Problem, names: tuple[str, ...], time: str, scene: Scene, live: bool) -> Iterator[str]:
+def _computed(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Iterator[str]:
     body = problem.body
     yield f"scope: {scene.scope}"
     yield f"body: N = {body.N} coordinates, {body.fixed.size} fixed"
     yield f"basis: {problem.basis.note}"
     yield from scene.computed
-    yield f"residual: {problem.map.coordinates.k} columns, {problem.residual}"
+    yield f"residual: {problem.map.coordinates.k} columns, {problem.options.residual}"
     for name in names:
         yield f"estimator {name!r}{_details(problem, name)}"
     for out in problem.outputs:
@@ -50,9 +51,9 @@ def _computed(problem: Problem, names: tuple[str, ...], time: str, scene: Scene,
     if problem.has_initial_error:
         where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
         yield f"initial error: the full body starts in {where}"
-    if time == "reconstructed":
+    if options.time == "reconstructed":
         yield "error of the time integration: quintic reconstruction between steps"
-    if live:
+    if options.live:
         yield "a tolerance is to stop the solve: bounds of every step are compared, some steps at a time"
 
 
@@ -61,7 +62,7 @@ def _details(problem: Problem, name: str) -> str:
         modes = problem.split.modes
         capped = f"; {modes.capped}" if modes.capped else ""
         return f": {modes.omega.size} modes up to {modes.omega[-1]:.4g} rad/s, none missed{capped}"
-    return f": kernel '{problem.kernels}'" if name in ("fast", "convolution") else ""
+    return f": kernel '{problem.options.kernels}'" if name in ("fast", "convolution") else ""
 
 
 def _estimators_not_made(problem: Problem, names: tuple[str, ...], asked: Any) -> Iterator[tuple[str, str]]:
@@ -73,7 +74,7 @@ def _estimators_not_made(problem: Problem, names: tuple[str, ...], asked: Any) -
     if "split" in vars(problem):
         if np.isfinite(problem.split.modes.cut):
             yield f"modes above {problem.split.modes.omega[-1]:.4g} rad/s", "bounded together"
-    elif "state-space" not in names and not (problem.kernels == "spectrum" and "kernel" in vars(problem)):
+    elif "state-space" not in names and not (problem.options.kernels == "spectrum" and "kernel" in vars(problem)):
         yield "modes above the first", "no estimator asked for takes them"
 
 

@@ -1,15 +1,16 @@
-"""BoundOptions: what was asked for; prepare: all that is done once before a run, ending in small constants only."""
+"""prepare: all that is done once before a run, ending in an Offline of small arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import check_array, check_choice
+from ...checks import check_array, check_choice, check_finite
 from ...errors import AssumptionError, InputError
+from ...linalg.blocked_products import row_norms
 from ...model.matrix_checks import DOUBLE
 from ...model.outputs import View, stacked_rows
 from ...model.shared_body import made_once
@@ -21,8 +22,7 @@ from ..estimators.round_off import RoundOff, of_input
 from ..estimators.turning_frame import Turning
 from ..residual.input_signal import InputSignal
 from ..residual.interface_stiffening import static_errors
-from ..residual.problem import Deferred, Problem, checked_outputs
-from .offline import Offline
+from ..residual.problem import BoundOptions, Deferred, Problem, checked_outputs
 from .planning import make_plan
 
 if TYPE_CHECKING:
@@ -30,45 +30,15 @@ if TYPE_CHECKING:
 
     from ...basis.basis import Basis
     from ...model.body import ElasticBody
-    from ...model.outputs import Output
+    from ..estimators.bounds import Worst
+    from ..estimators.node_bounds import AtNodes
+    from ..residual.segments import Start
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
-OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_modes")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 ALONE = Scene()  # of a body without a frame
 TIMES = ("reconstructed", "sampled")
-
-
-@dataclass(frozen=True, eq=False)
-class BoundOptions:
-    """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
-
-    outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
-    its scene makes.
-    """
-
-    inputs: Any = None
-    input_function: Callable | None = None
-    outputs: Sequence[Output] | None = ()
-    initial: Any = None
-    jumps: Sequence[float] = ()
-    estimators: Any = "auto"
-    residual: str = "orthonormal"
-    kernels: str = "certified"
-    time: str = "reconstructed"
-    auxiliary_modes: int | str = "auto"
-    tolerance: Any = None
-
-    @property
-    def live(self) -> bool:
-        """Whether bounds are compared with tolerances, which the plan says."""
-        return self.tolerance is not None
-
-    @classmethod
-    def of(cls, given: dict[str, Any]) -> BoundOptions:
-        """Return those that are among the arguments of a function, its locals()."""
-        return cls(**{field.name: given[field.name] for field in fields(cls) if field.name in given})
 
 
 def prepare(
@@ -90,55 +60,117 @@ def prepare(
     InputError, AssumptionError
     """
     check_choice("time", options.time, TIMES)
-    time, initial = options.time, options.initial
     names = _checked_estimators(options.estimators, body)
-    with_modes = "auxiliary" in names
     problem = _made_problem(body, basis, options)
     _check_frame(problem, names, options.jumps, scene)
-    if with_modes:
+    if "auxiliary" in names:
         _ = problem.split  # first, for it takes most modes: none made twice
     signal = _made_signal(options.input_function, problem.B.shape[1], sampled_inputs)
-    V, W, B = problem.V, problem.W, problem.B
-    eps, single = of_input(problem, samples_precision)
-    views, blind = _without_sight(problem, scene)
-    estimators = {name: _made(name, problem, scene) for name in names}
-    return Offline(
-        coordinates=problem.map.coordinates,
-        signal=signal,
-        estimators=estimators,
-        outputs=problem.outputs,
-        slices=tuple(problem.slices),
-        velocity_rows=problem.rows.velocity_rows,
-        value_rows=problem.rows.C @ V,
-        balance_rows=problem.map.seen_by(W.T),
-        jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
-        mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
-        static_errors=None if scene.stiff is None else static_errors(problem, scene.stiff),
-        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.rows.C), DOUBLE)}),
-        input_rounding=RoundOff(problem, eps) if single else None,
-        single=tuple(single),
-        samples_precision=samples_precision,
-        measure=lambda z: _sharpest_norm(problem, names, with_modes)(z),
-        omega_1=float(body.modes(1).omega[0]),
-        jumps=_checked_jumps(options.jumps, signal),
-        initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
-        time=time,
-        total_mass=body.total_mass,
-        modes=problem.split.modes.omega.size if with_modes else 0,
-        plan=make_plan(problem, names, time, options.estimators, scene, options.live),
-        views=tuple(views),
-        scene=scene,
-        from_static=cache(
-            lambda: prepare(
-                body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
-            )
-        ),
-        notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
-        nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
-        moved=lambda q: node_displacements(problem, q),
-        positions=body.positions,
-        static=lambda: StaticError(problem),
-    )
+    return Offline(problem, names, options, signal, samples_precision, scene)
+
+
+class Offline:
+    """What a run needs of the full model: small arrays; of full size only what is asked for on demand.
+
+    estimators : name -> estimator that starts copies of itself. outputs, slices, views : what is bounded, its rows,
+    how it is seen from outside a moving frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z,
+    for checks, and for wrenches that follow from it. jump_response (n, p): jump of qr'' per jump of u. mass_root (n,
+    n): |V qr|_M = |mass_root qr|. static_errors: see linear/residual/interface_stiffening.py. rounding: of the
+    computation; input_rounding: of the input, None if all of it has 16 digits; single: names of what has fewer.
+    modes: number of auxiliary ones. initial: None, "equilibrium" or "state". notes: what the reader must know.
+    from_static: what a run from the end of a static solve needs.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        names: tuple[str, ...],
+        options: BoundOptions,
+        signal: InputSignal | None,
+        samples_precision: float,
+        scene: Scene,
+    ):
+        body, V, W, rows, initial = problem.body, problem.V, problem.W, problem.rows, options.initial
+        self._problem, self.signal, self.samples_precision, self.scene = problem, signal, samples_precision, scene
+        self.coordinates, self.outputs, self.slices = problem.map.coordinates, problem.outputs, problem.slices
+        self.views, blind = _without_sight(problem, scene)
+        self.estimators = {name: self._estimator(name, problem) for name in names}
+        self.velocity_rows, self.value_rows = rows.velocity_rows, rows.C @ V
+        self.balance_rows = problem.map.seen_by(W.T)
+        self.jump_response = np.linalg.solve(W.T @ (body.M @ V), W.T @ problem.B)
+        self.mass_root = np.linalg.qr(body.mass_factor.half_multiply(V), mode="r")
+        self.static_errors = None if scene.stiff is None else static_errors(problem, scene.stiff)
+        eps, self.single = of_input(problem, samples_precision)
+        self.rounding = RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(rows.C), DOUBLE)})
+        self.input_rounding = RoundOff(problem, eps) if self.single else None
+        self.omega_1, self.jumps = float(body.modes(1).omega[0]), _checked_jumps(options.jumps, signal)
+        self.initial = None if initial is None else "equilibrium" if isinstance(initial, str) else "state"
+        self.time, self.total_mass, self.positions = options.time, body.total_mass, body.positions
+        modes = problem.split.modes if "auxiliary" in names else None
+        self.modes = 0 if modes is None else modes.omega.size
+        self.notes = tuple(filter(None, [scene.note, modes and modes.left_ringing, blind]))
+        self.plan = make_plan(problem, names, options, scene)
+        at_rest, known = replace(options, initial="equilibrium"), {"sampled_inputs": signal is None, "scene": scene}
+        self.from_static = cache(lambda: prepare(body, problem.basis, at_rest, **known))
+
+    def _estimator(self, name: str, problem: Problem) -> Any:
+        if name == "static":
+            return StaticError(problem)
+        estimator = ESTIMATORS[name](problem)
+        return Turning(estimator, problem) if self.scene.turns else estimator
+
+    @property
+    def width(self) -> int:
+        """Numbers at the control points of a step: coordinates of the residual, and auxiliary modes."""
+        return (6 if self.time == "reconstructed" else 2) * (self.coordinates.k + self.modes)
+
+    def measure(self, z: np.ndarray) -> np.ndarray:
+        """Return the norm of R(z) that the sharpest estimator accumulates, by which knots are chosen."""
+        if self.modes:
+            return self._problem.split.norm_K(z)
+        dual = self._problem.dual
+        return (dual.norm_K if "energy" in self.estimators else dual.norm_M)(z)
+
+    def static(self) -> StaticError:
+        """Return the errors of a static solve, made when one begins."""
+        return StaticError(self._problem)
+
+    def nodes(self, worst: dict[str, Worst]) -> dict[str, AtNodes]:
+        """Return what is known of the error at every node, at the worst instant of every estimator."""
+        return node_bounds(self._problem, self._estimator, worst)
+
+    def moved(self, q: np.ndarray) -> np.ndarray:
+        """Return the displacements (nodes, 3) of the reduced body at q (n,)."""
+        return node_displacements(self._problem, q)
+
+    def outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
+        """Return the output rows (S, R) of the reduced body at q, q_t (S, n)."""
+        rows = self.value_rows.T
+        return np.where(self.velocity_rows, q_t @ rows, q @ rows)
+
+    def distance_of(self, skipped: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return |V dq|_M, |V dq'|_M (S,), and |outputs| (S, R) of dq, dq' (S, 2, n)."""
+        dq, dq_t = skipped[:, 0], skipped[:, 1]
+        position, velocity = (row_norms(x @ self.mass_root.T) for x in (dq, dq_t))
+        return position, velocity, np.abs(self.outputs_of(dq, dq_t))
+
+    def checked_inputs(self, t: np.ndarray, u: Any) -> np.ndarray:
+        """Return inputs (S, p) at t (S,): those given, or of the input function; InputError if they do not fit."""
+        if self.signal is not None and u is None:
+            return self.signal(t)
+        p = self.coordinates.p
+        u = np.zeros((len(t), 0)) if u is None else np.asarray(u, dtype=float).reshape(len(t), -1)
+        if u.shape != (len(t), p):
+            raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
+        check_finite("u", u)
+        return u
+
+    def own_motion(self, start: Start) -> float:
+        """Size of what the full body starts with, and may ring in all along, see RoundOff."""
+        if self.initial != "equilibrium":
+            return self.rounding.of_start
+        u = start.y0[None, self.coordinates.input_slot]  # of the loads before, which may be others
+        return float(self.rounding.of_equilibrium(u)[0])
 
 
 def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
@@ -166,28 +198,19 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
     return None if sampled and f is None else InputSignal(f, p)
 
 
-def _made_problem(body, basis, options: BoundOptions) -> Problem:
+def _made_problem(body: ElasticBody, basis: Basis, options: BoundOptions) -> Problem:
     """Kept where its inputs are made of the body alone, and nothing but R has to be measured."""
-    given = {name: getattr(options, name) for name in OF_PROBLEM}
     if not isinstance(options.inputs, Deferred) or options.initial is not None:
-        return Problem(body, basis, **given)
+        return Problem(body, basis, options)
     rows, asked = stacked_rows(checked_outputs(options.outputs), body), [out.is_requested for out in options.outputs]
     kinds = options.residual, options.kernels, options.auxiliary_modes
     kept = made_once(
         body,
         "residual",
         (basis.V, basis.W, *options.inputs.made_of, rows.C, rows.velocity, rows.slices, asked, kinds),
-        # without outputs, which may know the fem
-        lambda: Problem(body, basis, **given).renamed(basis, ()),
+        lambda: Problem(body, basis, options).renamed(basis, ()),  # without outputs, which may know the fem
     )
     return kept.renamed(basis, options.outputs)
-
-
-def _made(name: str, problem: Problem, scene: Scene) -> Any:
-    if name == "static":
-        return StaticError(problem)
-    estimator = ESTIMATORS[name](problem)
-    return Turning(estimator, problem) if scene.turns else estimator
 
 
 def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float], scene: Scene) -> None:
@@ -201,13 +224,6 @@ def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float
             raise AssumptionError(f"estimator {name!r} needs a frame at rest; allowed here: {IN_A_TURNING_FRAME}")
     if len(jumps):
         raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
-
-
-def _sharpest_norm(problem: Problem, names: tuple[str, ...], with_modes: bool) -> Callable:
-    """The norm of R that the sharpest estimator accumulates."""
-    if with_modes:
-        return problem.split.norm_K
-    return problem.dual.norm_K if "energy" in names else problem.dual.norm_M
 
 
 def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], str | None]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..estimators.node_bounds import AtNodes
     from ..estimators.round_off import Rounded
     from ..residual.samples import Samples
-    from .offline import Offline
+    from .prepare import Offline
 
 
 class Internal(NamedTuple):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from ..estimators.bounds import Bounds
     from ..estimators.round_off import Rounded
-    from .offline import Offline
+    from .prepare import Offline
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from ..estimators.estimator import Estimator
-    from .offline import Offline
+    from .prepare import Offline
 
 
 class KeptBounds:

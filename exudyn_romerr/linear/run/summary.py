@@ -18,7 +18,7 @@ from ..residual.reconstruction import ROUNDING_SHARE
 if TYPE_CHECKING:
     from ...model.outputs import Output, View
     from ..estimators.bounds import Bounds
-    from .offline import Offline
+    from .prepare import Offline
     from .record import RunRecord
 
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter

@@ -24,8 +24,7 @@ from .mbs_items import Items, nodes_of, numbers
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from ...linear.run.offline import Offline
-    from ...linear.run.prepare import BoundOptions
+    from ...linear.run.prepare import BoundOptions, Offline
     from ...model.outputs import Output
 
 

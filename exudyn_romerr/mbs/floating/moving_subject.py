@@ -36,7 +36,7 @@ VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ...linear.run.offline import Offline
+    from ...linear.run.prepare import Offline
     from ...model.body import ElasticBody
     from ...model.outputs import Output, View
     from .floating_body import FloatingBody, ReducedMatrices

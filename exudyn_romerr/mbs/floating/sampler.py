@@ -15,7 +15,7 @@ from ...errors import AssumptionError
 from ...model.floating_frame import RIGID_INERTIA, inertia_columns, inertia_coordinates, translations
 
 if TYPE_CHECKING:
-    from ...linear.run.offline import Offline
+    from ...linear.run.prepare import Offline
     from ...model.floating_frame import FrameMotion
     from .actions import Actions
     from .floating_body import FloatingBody

@@ -18,7 +18,7 @@ from ..access.solvers import solver_facts
 
 if TYPE_CHECKING:
     from ...linear.residual.samples import Extension
-    from ...linear.run.offline import Offline
+    from ...linear.run.prepare import Offline
     from ...report.data import Plan
     from ..access.reduced_body import LinearSubject
     from ..floating.moving_subject import MovingSubject

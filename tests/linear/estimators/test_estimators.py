@@ -14,7 +14,7 @@ from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from exudyn_romerr.linear.residual.decay_rates import body_rates, rayleigh_rates
 from exudyn_romerr.linear.residual.modal_split import NormsAbove
-from exudyn_romerr.linear.residual.problem import Problem
+from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import DAMPINGS, model
 from tests.helpers.total_truth import Exact, bezier_curve, oscillator_step, piecewise_linear, signal
@@ -130,7 +130,7 @@ def test_split_leaves_the_modes_above(m):
     full = model("chain", "under", 3)
     omega, shapes = full.modes
     C, B, V = RNG.standard_normal((2, full.N)), RNG.standard_normal((full.N, 1)), RNG.standard_normal((full.N, 3))
-    problem = Problem(full.body, Basis(V), inputs=B, outputs=[Output("y", C)], auxiliary_modes=m)
+    problem = Problem(full.body, Basis(V), BoundOptions(inputs=B, outputs=[Output("y", C)], auxiliary_modes=m))
     split, above = problem.split, slice(m, None)
     rows = NormsAbove(problem.rows, split.modes)
     size = problem.rows.C_K.max()
@@ -181,7 +181,7 @@ def test_auto_takes_the_fewest_modes_that_leave_5_percent_of_every_output():
     full = model("pencil", "under", 5)
     omega, shapes = full.modes
     C = RNG.standard_normal((2, full.N)) @ np.linalg.inv(shapes)
-    split = Problem(full.body, modal_basis(full.body, 2), outputs=[Output("y", C)]).split
+    split = Problem(full.body, modal_basis(full.body, 2), BoundOptions(outputs=[Output("y", C)])).split
     share = [la.norm(C @ shapes[:, m:] / omega[m:], axis=1) / la.norm(C @ shapes / omega, axis=1) for m in range(13)]
     enough = [m for m in range(1, 13) if np.all(share[m] <= 0.05)]
     assert split.modes.omega.size == enough[0]

@@ -7,7 +7,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.linear.residual.interface_stiffening import static_errors
-from exudyn_romerr.linear.residual.problem import Problem
+from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from exudyn_romerr.model.admissible_space import Space
 from exudyn_romerr.report.report import BoundReport
 from models import floating, mechanisms
@@ -115,7 +115,7 @@ def test_static_errors_are_the_same_without_norms_of_all_columns(rayleigh):
     tip = romerr.node_displacement("middle", node=mechanisms.MIDDLE, component="xyz")
     outputs = [tip, romerr.Output("v", rng.standard_normal(body.N), of="velocity")]
     B, basis = rng.standard_normal((body.N, 3)), romerr.modal_basis(body, 5)
-    few, all_columns = (Problem(body, basis, inputs=B, outputs=outputs) for _ in range(2))
+    few, all_columns = (Problem(body, basis, BoundOptions(inputs=B, outputs=outputs)) for _ in range(2))
     assert all_columns.dual.Y_K.shape[1] == few.map.coordinates.k
     found, known = (static_errors(problem, stiff) for problem in (few, all_columns))
     assert "Y_K" not in vars(few.dual)

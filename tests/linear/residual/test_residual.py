@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr import Basis, initial_coordinates, initial_error
-from exudyn_romerr.linear.residual.problem import Problem
+from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from exudyn_romerr.linear.residual.residual import RESIDUALS, ResidualMap
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
@@ -32,7 +32,7 @@ class NearlyComplete:
         self.q, self.q_t, self.direction = rng.standard_normal((3, full.N))
         self.u = rng.standard_normal(1)
         self.V = V
-        self.problems = {n: Problem(full.body, Basis(V), inputs=self.B, residual=n) for n in RESIDUALS}
+        self.problems = {n: Problem(full.body, Basis(V), BoundOptions(inputs=self.B, residual=n)) for n in RESIDUALS}
 
     def coordinates(self, size):
         """Z with R = size * direction, the direction being as large as M V qr'' at size 1."""
@@ -80,7 +80,7 @@ def test_three_ways_agree_on_moderate_residuals(damping, seed):
     R = full.M @ V @ q_tt.T + full.D @ V @ q_t.T + full.K @ V @ q.T - B @ u.T
     wanted = np.sqrt(np.einsum("ij,ij->j", R, la.solve(full.M, R)))
     for name in RESIDUALS:
-        problem = Problem(full.body, Basis(V), inputs=B, residual=name)
+        problem = Problem(full.body, Basis(V), BoundOptions(inputs=B, residual=name))
         assert problem.dual.norm_M(problem.map.coordinates(q, q_t, q_tt, u)) == pytest.approx(
             wanted, rel=tol.CANCELLED
         )

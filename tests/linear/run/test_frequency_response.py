@@ -12,7 +12,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr import Basis, ElasticBody, InputError, Output, frequency_response
 from exudyn_romerr.linear.estimators import harmonic
 from exudyn_romerr.linear.estimators.harmonic import AnyDamping, ProportionalDamping
-from exudyn_romerr.linear.residual.problem import Problem
+from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from exudyn_romerr.linear.run import frequency_response as module
 from models import solid_bar
 from tests.helpers.bodies import BODIES, DAMPINGS, model, pencil
@@ -265,13 +265,8 @@ def test_what_any_damping_leaves_is_bounded_by_its_residual(damping):
     """|R + A e|_{K^-1} of the error e that is known, formed from the full matrices."""
     full = model("pencil", damping, 0)
     w, B = 0.5 * full.modes[0][0], np.eye(full.N)[:, 0]
-    problem = Problem(
-        full.body,
-        romerr.modal_basis(full.body, 2),
-        inputs=B,
-        outputs=[Output("q", np.eye(full.N))],
-        auxiliary_modes=4,
-    )
+    options = BoundOptions(inputs=B, outputs=[Output("q", np.eye(full.N))], auxiliary_modes=4)
+    problem = Problem(full.body, romerr.modal_basis(full.body, 2), options)
     estimator = AnyDamping(problem)
     estimator.gamma = np.ones_like
     q, iw = np.array([[0.3 + 0.1j, -0.2j]]), 1j * w
@@ -285,7 +280,7 @@ def test_what_any_damping_leaves_is_bounded_by_its_residual(damping):
 
 def any_damping(full, D):
     body = ElasticBody(full.M, full.K, damping=D)
-    problem = Problem(body, romerr.modal_basis(body, 2), inputs=np.eye(full.N)[:, 0], auxiliary_modes=4)
+    problem = Problem(body, romerr.modal_basis(body, 2), BoundOptions(inputs=np.eye(full.N)[:, 0], auxiliary_modes=4))
     return AnyDamping(problem)
 
 
