@@ -45,8 +45,7 @@ class Auxiliary(Energy):
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self.growth = self.growth.started(start, self.start_norms)
-        omega = self.oscillators.omega
+        given, omega = self._started(start), self.oscillators.omega
         self.state = np.zeros((2, len(omega)))
         self.rounding = self.missed = np.zeros(len(omega))
         if start.y0 is not None:  # eta = P^T M e0 = Omega^-2 P^T K e0, eta' = P^T M e0'
@@ -55,19 +54,16 @@ class Auxiliary(Energy):
             e, e_t = np.abs(rows) @ np.abs(start.y0) / omega**2, np.abs(rows) @ np.abs(start.y0_t)
             # modes are M-orthogonal to rounding: each eta sees that much of all the others
             self.rounding = 8 * EPS * (e + np.linalg.norm(e) + (e_t + np.linalg.norm(e_t)) / omega)
-        z = start.z[None]
-        return self._bounds(z, self.norm_static(z), self.growth.at_start(), self.state[None], self.rounding[None])
+        return self._bounds(*given, self.state[None], self.rounding[None])
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         forces = rows_times(block.c, self.forcing.T)
         states = self.oscillators.advance(self.state, block.t, block.h, forces)
-        before, missed = self.growth, self._unresolved(block)
-        self.growth, g, g_jump = self.growth.advanced(block)
-        if block.turn is not None:
-            d_M, v_M = before.inside(g, self.growth)
+        missed, (g, g_jump, inside) = self._unresolved(block), self._grown(block)
+        if inside is not None:
+            static, d_M, v_M = inside
             eta, eta_t = self.oscillators.inside(self.state, states, block.h, forces)
-            static = self.growth.static_inside(self.norm_static, before, block)
             self.inside = (
                 np.hypot(row_norms(eta), static + d_M) + row_norms(missed),
                 np.hypot(row_norms(eta_t), v_M) + row_norms(missed * self.oscillators.omega),
@@ -78,7 +74,7 @@ class Auxiliary(Energy):
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
-        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), (g, g_jump), states, inexact)
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g, g_jump, states, inexact)
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -91,16 +87,15 @@ class Auxiliary(Energy):
         omega, duration = self.oscillators.omega, block.h.sum()
         terms = np.abs(self.forcing) @ block.largest()
         added = 8 * EPS * ((len(block.h) + omega * duration) * (eta + eta_t / omega) + duration / omega * terms)
-        d_K = smallest(self.rates, g)[0].max()
-        static = float(self.growth.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g
+        d_K = smallest(self.bounds, g)[0].max()
+        static = float(self.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
 
-    def _bounds(self, z, static, growth, states, inexact) -> Bounds:
+    def _bounds(self, z, static, g, g_jump, states, inexact) -> Bounds:
         """As in Energy; states (S, 2, m): eta and eta', inexact (S, m): what eta may be off."""
-        self._given = z, static, growth, states, inexact
-        g, g_jump = growth
-        _, d_M, v_M = rest = smallest(self.rates, g)
+        self._given = z, static, g, g_jump, states, inexact
+        _, d_M, v_M = rest = smallest(self.bounds, g)
         eta, eta_t = states[:, 0], states[:, 1]
         known = np.where(self.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ...model.body import ElasticBody
     from ..residual.dual_norms import DualNorms, OutputNorms
     from ..residual.problem import Problem
-    from ..residual.residual import StartNorms
 
 
 class Energy:
@@ -25,7 +24,7 @@ class Energy:
         |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
 
     For a few admissible decay rates r: g <- exp(-r h) g + variation (constants then change a little); the
-    smallest result counts.
+    smallest result counts. Of every rate g bounds |d|_{K_r}, d = e + K^-1 R; g_jump is what load jumps made of it.
     """
 
     name = "energy"
@@ -37,51 +36,91 @@ class Energy:
 
     def _take(self, problem: Problem, norms: DualNorms, rates: list[DecayRate], rows: OutputNorms) -> None:
         """Take what is bounded: R and outputs as they are, or the rest of both above auxiliary modes."""
-        self.growth = Growth(norms.norm_K, rates, Smooth.of(problem.body, rates))
-        self.rates = self.growth.bounds
-        self.norm_static, self.start_norms = norms.norm_static, norms.start_norms
+        self.rates, self.smooth = rates, Smooth.of(problem.body, rates)
+        self.bounds = [*rates, *([] if self.smooth is None else [self.smooth.bound])]  # what follows from rows of g
+        self.norm, self.norm_static, self.start_norms = norms.norm_K, norms.norm_static, norms.start_norms
         self.static_rows, self.C_K, self.C_M = rows.static_rows, rows.C_K, rows.C_M
         self.velocity_rows = rows.velocity_rows
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self.growth = self.growth.started(start, self.start_norms)
-        z = start.z[None]
-        return self._bounds(z, self.norm_static(z), self.growth.at_start())
+        return self._bounds(*self._started(start))
+
+    def _started(self, start: Start) -> tuple[np.ndarray, ...]:
+        """Begin g; return z (1, k), |K^-1 R|_M (1,), g and g_jump (rows, 1).
+
+        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 <= |e0'|_M^2 + 2 r |e0'|_M |d0|_M + |d0|_K^2 since K_r <= K - r^2 M,
+        with K d0 = L (y0 + z0).
+        """
+        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
+            g = np.full(len(self.bounds), float(self.norm(start.z)))
+        else:
+            w = start.y0.copy()
+            w[: len(start.z)] += start.z
+            norms, r = self.start_norms, np.array([rate.r for rate in self.bounds])
+            d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
+            g = np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * r * d_M)))
+        self.g, self.g_jump, self.before = g, np.zeros(len(g)), start.z
+        self.smooth = None if self.smooth is None else Smooth(self.smooth.bound, float(g[-1]))
+        return start.z[None], self.norm_static(start.z[None]), g[:, None], self.g_jump[:, None]
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        before = self.growth
-        self.growth, g, g_jump = self.growth.advanced(block)
-        if block.turn is not None:
-            d_M, v_M = before.inside(g, self.growth)
-            self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
-        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), (g, g_jump))
+        g, g_jump, inside = self._grown(block)
+        if inside is not None:
+            static, d_M, v_M = inside
+            self.inside = static + d_M, v_M
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g, g_jump)
+
+    def _grown(self, block: Block) -> tuple[np.ndarray, np.ndarray, tuple | None]:
+        """Let g grow; return g and g_jump (rows, S) at the ends of segments.
+
+        Where the frame turns |K^-1 R|_M, |d|_M and |e'|_M, too, each (S,), the largest within segments; else None.
+        """
+        varied, jumps = block.variation(self.norm, self.before)
+        n, r = len(self.rates), np.array([rate.r for rate in self.rates])
+        decays = np.exp(-r[:, None] * block.h)
+        kicks = decays * jumps
+        g, g_jump = decaying_sums(decays, kicks + varied, self.g[:n]), decaying_sums(decays, kicks, self.g_jump[:n])
+        inside = None if block.turn is None else self._inside(block, varied + jumps, g)
+        if self.smooth is not None:
+            more = varied - block.length(self.norm)
+            self.smooth, last = self.smooth.advanced(block, self.norm, jumps, more, g[0])
+            g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
+        self.g, self.g_jump, self.before = g[:, -1].copy(), g_jump[:, -1].copy(), block.c[-1, -1].copy()
+        return g, g_jump, inside
+
+    def _inside(self, block: Block, varied: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Largest |K^-1 R|_M, |d|_M and |e'|_M within segments, in which R varies by `varied` (S,)."""
+        static = np.append(self.norm_static(self.before), block.norms_at_ends(self.norm_static))
+        per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
+        start = np.hstack([self.g[: len(g), None], g[:, :-1]])
+        return np.maximum(static[:-1], static[1:]) + per_mass * varied, *smallest(self.rates, start + varied)[1:]
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, growth, *more), self._given = self._given, None
-        one = slice(i, i + 1)
-        own = (x[one if len(x) > 1 else slice(1)].copy() for x in more)
-        return z[one].copy(), static[one].copy(), tuple(g[:, one].copy() for g in growth), *own
+        (z, static, g, g_jump, *own), self._given = self._given, None
+        at = slice(i, i + 1)
+        own = (x[at if len(x) > 1 else slice(1)] for x in own)
+        return tuple(x.copy() for x in (z[at], static[at], g[:, at], g_jump[:, at], *own))
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, static: np.ndarray, growth: tuple[np.ndarray, np.ndarray]) -> Bounds:
-        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (rates, S)."""
-        self._given = z, static, growth
-        _, d_M, v_M = rest = smallest(self.rates, growth[0])
+    def _bounds(self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
+        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (rows, S)."""
+        self._given = z, static, g, g_jump
+        _, d_M, v_M = rest = smallest(self.bounds, g)
         known = np.abs(z @ self.static_rows.T)
-        return Bounds(static + d_M, v_M, known + self._share(rest), self._jumped(growth[1]))
+        return Bounds(static + d_M, v_M, known + self._share(rest), self._jumped(g_jump))
 
     def _share(self, rest: np.ndarray) -> np.ndarray:
         return output_share(rest, self.C_K, self.C_M, self.velocity_rows)
 
     def _jumped(self, g_jump: np.ndarray) -> np.ndarray | None:
         """What load jumps made of the bounds of outputs; None: there were none."""
-        return self._share(smallest(self.rates, g_jump)) if g_jump.any() else None
+        return self._share(smallest(self.bounds, g_jump)) if g_jump.any() else None
 
 
 class StaticError:
@@ -107,82 +146,6 @@ class StaticError:
         return self(*instant)
 
 
-class Growth:
-    """The energy g of every rate along a run: bounds |d|_{K_r}, d = e + K^-1 R.
-
-    norm is |R|_{K^-1} of whatever residual is bounded (the whole, or the rest above auxiliary modes). g_jump is the
-    part of g that load jumps made. smooth: a bound by R' and R'', in one more row; None: there is none.
-
-    Attributes
-    ----------
-    bounds : what follows from each row of g.
-    """
-
-    def __init__(self, norm: Callable, rates: Sequence[DecayRate], smooth: Smooth | None = None):
-        self.norm, self.rates, self.smooth = norm, rates, smooth
-        self._decay = np.array([rate.r for rate in rates], dtype=float)
-        self.bounds = [*rates, *([] if smooth is None else [smooth.bound])]
-        self.g = self.g_jump = [0.0] * len(self.bounds)
-        self._before: np.ndarray | None = None
-        self._varied = np.zeros(0)
-
-    def _next(self, g: list[float], g_jump: list[float], before: np.ndarray, smooth: Smooth | None) -> Growth:
-        following = Growth(self.norm, self.rates, smooth)
-        following.g, following.g_jump, following._before = g, g_jump, before
-        return following
-
-    def at_start(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return g and g_jump now, each (rates, 1)."""
-        return np.array(self.g)[:, None], np.array(self.g_jump)[:, None]
-
-    def started(self, start: Start, norms: StartNorms | None) -> Growth:
-        """Return the growth at a start.
-
-        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 <= |e0'|_M^2 + 2 r |e0'|_M |d0|_M + |d0|_K^2 since K_r <= K - r^2 M,
-        with K d0 = L (y0 + z0). norms: of the initial error.
-        """
-        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
-            g = [float(self.norm(start.z))] * len(self.bounds)
-        else:
-            w = start.y0.copy()
-            w[: len(start.z)] += start.z
-            d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
-            g = [float(np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * rate.r * d_M)))) for rate in self.bounds]
-        smooth = None if self.smooth is None else Smooth(self.smooth.bound, g[-1])
-        return self._next(g, [0.0] * len(g), start.z, smooth)
-
-    def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
-        """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
-        inside, jumps = block.variation(self.norm, self._before)
-        decays, jumping = np.exp(-self._decay[:, None] * block.h), jumps.any()
-        added = decays * jumps + inside if jumping else np.tile(inside, (len(decays), 1))
-        g = decaying_sums(decays, added, self.g[: len(decays)])
-        if jumping or any(self.g_jump):
-            g_jump = decaying_sums(decays, decays * jumps, self.g_jump[: len(decays)])
-        else:
-            g_jump = np.zeros_like(g)
-        smooth = self.smooth
-        if smooth is not None:
-            more = inside - block.length(self.norm)
-            smooth, last = smooth.advanced(block, self.norm, jumps, more) if smooth.pays(block.h) else (smooth, g[0])
-            g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
-            smooth = smooth if smooth is not self.smooth else Smooth(smooth.bound, float(g[0, -1]))
-        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1].copy(), smooth)
-        following._varied = inside + jumps
-        return following, g, g_jump
-
-    def inside(self, g: np.ndarray, following: Growth) -> np.ndarray:
-        """Return the largest |d|_M and |e'|_M (2, S) within the segments of the block that led to `following`."""
-        start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])[: len(self.rates)]
-        return smallest(self.rates, start + following._varied)[1:]
-
-    def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
-        """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
-        static = np.append(norm_static(before._before), block.norms_at_ends(norm_static))
-        per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
-        return np.maximum(static[:-1], static[1:]) + per_mass * self._varied
-
-
 class Smooth:
     """Bounds where R is slow beside what is bounded, without damping: M d'' + K d = M K^-1 R'' =: -R_n.
 
@@ -190,10 +153,11 @@ class Smooth:
 
     g grows by the total variation of R'' over omega^2, at jumps by |[R]| + |[R']|/omega + |[R'']|/omega^2, all in the
     K^-1 norm; omega : the lowest frequency there is. So |d|_K <= g + |R''|/omega^2 and |e'|_M <= g + |R'|/omega.
+
+    bound : what follows from g, of r = 0. last : R' and R'' before, the jumps from which come.
     """
 
     def __init__(self, bound: DecayRate, g: float = 0.0, last: tuple[np.ndarray | float, ...] = (0.0, 0.0)):
-        """Last: R' and R'' before, the jumps from which come."""
         self.bound, self._g, self._last = bound, g, last
 
     @classmethod
@@ -202,18 +166,19 @@ class Smooth:
         damped = body.D is not None if body.rayleigh is None else any(body.rayleigh)
         return None if damped or not rates else cls(rates[0])
 
-    def pays(self, h: np.ndarray) -> bool:
-        """Whether R may be slow: its polynomials change from segment to segment."""
-        return bool(np.mean(h) > self.bound.per_mass)
-
     def advanced(
-        self, block: Block, norm: Callable, steps: np.ndarray, more: np.ndarray
+        self, block: Block, norm: Callable, steps: np.ndarray, more: np.ndarray, plain: np.ndarray
     ) -> tuple[Smooth, np.ndarray]:
         """Return what follows a block, and bounds (S,) of |d|_K and |e'|_M at the ends of its segments.
 
-        steps (S,) : jumps of R. more (S,) : variation that control points do not hold.
+        steps (S,) : jumps of R. more (S,) : variation that control points do not hold. plain (S,) : the bounds by the
+        variation of R, taken where segments are so short that R, whose polynomials change from one to the next, is
+        not slow.
         """
-        degree, h, per_rate = block.c.shape[1] - 1, block.h[:, None, None], self.bound.per_mass
+        per_rate = self.bound.per_mass
+        if np.mean(block.h) <= per_rate:
+            return Smooth(self.bound, float(plain[-1])), plain
+        degree, h = block.c.shape[1] - 1, block.h[:, None, None]
         rate = degree * np.diff(block.c, axis=1) / h
         bend = (degree - 1) * np.diff(rate, axis=1) / h if degree > 1 else np.zeros_like(rate)
         jumps = norm(np.stack([_jumps(x, before) for x, before in zip((rate, bend), self._last, strict=True)]))
