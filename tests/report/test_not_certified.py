@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.linear.run.balance import Balance
-from exudyn_romerr.linear.run.record import SolverFacts
-from exudyn_romerr.linear.run.run import doubts_in
+from exudyn_romerr.linear.run.balance import Balance, SolverFacts
+from exudyn_romerr.linear.run.record import doubts_in
 from exudyn_romerr.mbs.monitoring.body_monitor import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput

@@ -1,4 +1,4 @@
-"""Estimators: offline constants in, blocks of steps in, bounds out (contract: estimator.py)."""
+"""Estimators: offline constants in, blocks of steps in, bounds out (contract: bounds.py)."""
 
 from .auxiliary import Auxiliary
 from .energy import Energy

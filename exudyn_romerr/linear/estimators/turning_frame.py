@@ -15,7 +15,7 @@ from .energy import output_share, smallest
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
-    from .estimator import Estimator
+    from .bounds import Estimator
 
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
 

@@ -34,38 +34,41 @@ class DecayRate:
     per_mass: float
     velocity: float
 
-
-def rayleigh_rates(omega: float, alpha: float, beta: float) -> list[DecayRate]:
-    """Return rates for all modes with angular frequency >= omega under D = alpha M + beta K."""
-    limit, a = largest_decay_rate(omega, alpha, beta), (alpha + beta * omega**2) / 2
-    rates = limit * np.array(SHARES if limit > 0 else SHARES[:1])
-    return [_rayleigh_rate(r, omega, a, beta) for r in rates.tolist()]
+    @classmethod
+    def of(cls, r: float, c: float, kappa: float) -> DecayRate:
+        """Make it of |d|_K <= c |d|_{K_r} and the lowest kappa with K_r - kappa M >= 0."""
+        return cls(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
 
 
-def _rayleigh_rate(r: float, omega: float, a: float, beta: float) -> DecayRate:
-    kappa = omega**2 - 2 * a * r + r**2
-    c = np.sqrt(max(omega**2 / kappa, 1 / (1 - beta * r)))
-    return DecayRate(r, float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
+def rayleigh_rates(*parts: tuple[float, float, float]) -> list[DecayRate]:
+    """Return rates for modes of some parts, in each all with angular frequency >= omega under D = alpha M + beta K.
+
+    parts : (omega, alpha, beta) of each; what is admissible for all of them.
+    """
+    limit, found = min(largest_decay_rate(*part) for part in parts), []
+    for r in (limit * np.array(SHARES if limit > 0 else SHARES[:1])).tolist():
+        rates = [_rayleigh_rate(r, *part) for part in parts]
+        found.append(DecayRate(r, *(max(getattr(rate, x) for rate in rates) for x in ("c", "per_mass", "velocity"))))
+    return found
+
+
+def _rayleigh_rate(r: float, omega: float, alpha: float, beta: float) -> DecayRate:
+    kappa = omega**2 - (alpha + beta * omega**2) * r + r**2
+    return DecayRate.of(r, np.sqrt(max(omega**2 / kappa, 1 / (1 - beta * r))), kappa)
 
 
 def modal_rates(damping: ModalDamping) -> list[DecayRate]:
     """Return rates for all modes where the lowest have ratios of their own: what is admissible for each of them."""
     omega, cut = damping.modes.omega * (1 - GAP), damping.modes.cut
     parts = [(w, 2 * zeta * w, 0.0) for w, zeta in zip(omega.tolist(), damping.ratios.tolist(), strict=True)]
-    parts += [(cut, *damping.rayleigh)] if np.isfinite(cut) else []
-    limit = min(largest_decay_rate(*part) for part in parts)
-    found = []
-    for r in (limit * np.array(SHARES if limit > 0 else SHARES[:1])).tolist():
-        rates = [_rayleigh_rate(r, w, (alpha + beta * w**2) / 2, beta) for w, alpha, beta in parts]
-        found.append(DecayRate(r, *(max(getattr(rate, x) for rate in rates) for x in ("c", "per_mass", "velocity"))))
-    return found
+    return rayleigh_rates(*parts, *([(cut, *damping.rayleigh)] if np.isfinite(cut) else []))
 
 
 def body_rates(body: ElasticBody) -> list[DecayRate]:
     """Return rates for the whole body: closed form for Rayleigh damping, one tried rate for symmetric D > 0."""
     omega = float(body.modes(1).omega[0]) * (1 - GAP)
     if body.rayleigh is not None:
-        return rayleigh_rates(omega, *body.rayleigh)
+        return rayleigh_rates((omega, *body.rayleigh))
     if body.modal is not None:
         return modal_rates(body.modal)
     plain = DecayRate(0.0, 1.0, 1 / omega, 1.0)
@@ -85,7 +88,7 @@ def _general_rate(body: ElasticBody) -> DecayRate | None:
         if factor.smallest_pivot > SINGULAR_PIVOT:
             kappa = (lowest_modes(M, K_r, 1, factor).omega[0] * (1 - GAP)) ** 2
             c = np.sqrt(_bound_of_ratio(K, K_r, _largest_ratio(K, K_r, factor)))
-            return DecayRate(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
+            return DecayRate.of(r, c, kappa)
         r /= 2
     return None
 

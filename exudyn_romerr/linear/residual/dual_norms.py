@@ -36,41 +36,36 @@ class DualNorms:
 
     @cached_property
     def Y_M(self) -> np.ndarray:
-        """[L, K q0, M q0'] where |.|_{M^-1} is the 2-norm; M V as it is, so that no digits are lost in it."""
-        factor, start = self.body.mass_factor, []
-        if self.initial_state is not None:
-            q0, q0_t = self.initial_state
-            start = [(factor.half_solve, self.body.K @ q0[:, None], 1), (factor.half_multiply, q0_t[:, None], 1)]
-        return _side_by_side(
-            (factor.half_multiply, self.map.V, 1),
-            *((factor.half_solve, block, 1) for block in self.map.of_motion[1:]),
-            (factor.half_solve, self.map.B, -1),
-            *start,
-        )
+        """[L, K q0, M q0'] where |.|_{M^-1} is the 2-norm."""
+        factor = self.body.mass_factor
+        return self._columns("M", factor.half_multiply, factor.half_solve)
 
     @cached_property
     def Y_K(self) -> np.ndarray:
-        """[L, K q0, M q0'] where |.|_{K^-1} is the 2-norm; K V as it is, so that no digits are lost in it."""
-        factor, start = self.body.stiffness_factor, []
-        if self.initial_state is not None:
-            q0, q0_t = self.initial_state
-            start = [(factor.half_multiply, q0[:, None], 1), (factor.half_solve, self.body.M @ q0_t[:, None], 1)]
-        return _side_by_side(
-            *((factor.half_solve, block, 1) for block in self.map.of_motion[:-1]),
-            (factor.half_multiply, self.map.V, 1),
-            (factor.half_solve, self.map.B, -1),
-            *start,
-        )
+        """[L, K q0, M q0'] where |.|_{K^-1} is the 2-norm."""
+        factor = self.body.stiffness_factor
+        return self._columns("K", factor.half_multiply, factor.half_solve)
 
     @cached_property
     def Y_static(self) -> np.ndarray:
         """K^-1 [L, K q0, M q0'] where |.|_M is the 2-norm."""
-        solve = self.body.stiffness_factor.solve
-        columns = [*map(solve, self.map.of_motion[:-1]), self.map.V, -solve(self.map.B)]
+        solve, multiply = self.body.stiffness_factor.solve, self.body.mass_factor.half_multiply
+        return self._columns("K", multiply, lambda columns: multiply(solve(columns)))
+
+    def _columns(self, exact: str, multiply: Callable, apply: Callable) -> np.ndarray:
+        """Columns apply([L, K q0, M q0']); those of the matrix `exact` by multiply(vectors): no digits get lost."""
+        first, *damping, last = self.map.of_motion
+        V, B = self.map.V, self.map.B
+        parts = [("M", V, first), *(("D", V, x) for x in damping), ("K", V, last), ("B", B, -B)]
         if self.initial_state is not None:
-            q0, q0_t = self.initial_state
-            columns += [q0[:, None], solve(self.body.M @ q0_t[:, None])]
-        return self.body.mass_factor.half_multiply(np.hstack(columns))
+            q0, q0_t = (x[:, None] for x in self.initial_state)
+            parts += [("K", q0, self.body.K @ q0), ("M", q0_t, self.body.M @ q0_t)]
+        result, at = np.empty((len(V), sum(x.shape[1] for _, x, _ in parts)), order="F"), 0
+        for name, vectors, forces in parts:
+            own = result[:, at : at + vectors.shape[1]]
+            by_columns(multiply if name == exact else apply, vectors if name == exact else forces, out=own)
+            at += vectors.shape[1]
+        return result
 
     @cached_property
     def norm_M(self) -> Callable:
@@ -91,17 +86,6 @@ class DualNorms:
     def start_norms(self) -> StartNorms | None:
         """Norms of an initial error; None if there is none."""
         return StartNorms(self.norm_K, self.norm_static, self.norm_M) if self.has_initial_error else None
-
-
-def _side_by_side(*parts: tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, int]) -> np.ndarray:
-    """Columns sign * function(columns) of every part (function, columns, sign), nothing of their size beside them."""
-    count = sum(columns.shape[1] for _, columns, _ in parts)
-    result, first = np.empty((parts[0][1].shape[0], count), order="F"), 0
-    for function, columns, sign in parts:
-        own = result[:, first : first + columns.shape[1]]
-        by_columns(lambda part, function=function, sign=sign: sign * function(part), columns, out=own)
-        first += columns.shape[1]
-    return result
 
 
 class OutputNorms:

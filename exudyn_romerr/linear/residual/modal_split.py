@@ -130,7 +130,8 @@ class Split(DualNorms):
     @cached_property
     def rates(self) -> list[DecayRate]:
         """Admissible decay rates of the rest; none if nothing is left."""
-        return rayleigh_rates(self.modes.cut, *self.modes.body.proportional) if np.isfinite(self.modes.cut) else []
+        cut = self.modes.cut
+        return rayleigh_rates((cut, *self.modes.body.proportional)) if np.isfinite(cut) else []
 
     @cached_property
     def PL(self) -> np.ndarray:

@@ -11,9 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...linalg.bezier import CHECKS, NODES, hermite_bends, hermite_controls, interpolated, straight, subdivided
+from ...linalg.bezier import (
+    CHECKS,
+    NODES,
+    hermite_bends,
+    hermite_controls,
+    hermite_rows,
+    interpolated,
+    straight,
+    subdivided,
+)
 from ...linalg.blocked_products import norms_times
-from .samples import by_steps, piece_ends, without_empty
+from .samples import piece_ends, without_empty
 from .segments import Block
 
 if TYPE_CHECKING:
@@ -29,15 +38,45 @@ LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
 ROUNDING_SHARE = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it
 
 
-class Linear:
-    """Samples to segments of degree 1."""
+class Segmenter:
+    """Samples to segments: of smooth steps all at once, of a step that holds jumps in pieces."""
 
     def __init__(self, layout: Coordinates, jumps: Sequence[Jump]):
         self.layout, self.jumps = layout, jumps
 
-    def __call__(self, samples: Samples) -> tuple[Block, np.ndarray]:
+    def __call__(self, s: Samples) -> tuple[Block, np.ndarray | slice]:
         """Return the segments of all steps, and the index of the segment that ends each step."""
-        return by_steps(samples, self.jumps, self._smooth, self._with_jumps)
+        jumps = self.jumps
+        before = np.array(
+            [[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in jumps], dtype=bool
+        )
+        crossed = before[:, :-1] & ~before[:, 1:] if len(jumps) else np.zeros((0, len(s.t) - 1), dtype=bool)
+        special = np.flatnonzero(crossed.any(axis=0))
+        if not special.size:
+            return self._smooth(s), slice(None)
+        blocks, ends, first = [], [], 0
+        for step in [*special.tolist(), len(s.t) - 1]:
+            if step > first:
+                blocks.append(self._smooth(s.part(slice(first, step + 1))))
+                ends.extend([1] * (step - first))
+            if step < len(s.t) - 1:
+                here = [jump for jump, hit in zip(jumps, crossed[:, step], strict=True) if hit]
+                blocks.append(self._with_jumps(s.part(slice(step, step + 2)), here))
+                ends.append(len(blocks[-1].h))
+            first = step + 1
+        return Block.joined(blocks), np.cumsum(ends) - 1
+
+    def _smooth(self, s: Samples) -> Block:
+        """Segments of steps without jumps."""
+        raise NotImplementedError
+
+    def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
+        """Segments of one step with jumps."""
+        raise NotImplementedError
+
+
+class Linear(Segmenter):
+    """Samples to segments of degree 1."""
 
     def _smooth(self, s: Samples) -> Block:
         z = self.layout(s.q, s.q_t, s.q_tt, s.u)
@@ -72,7 +111,7 @@ class _Choice:
         return self.rounding > ROUNDING_SHARE * self.size
 
 
-class Quintic:
+class Quintic(Segmenter):
     """Samples to segments of degree 5; inputs between samples from the signal (None: linear between samples).
 
     Where steps are so short that rounding of q'' from differences of q would dominate, only every s-th sample is a
@@ -90,8 +129,8 @@ class Quintic:
         omega_1: float,
         mass_root: np.ndarray | None = None,
     ):
-        self.mass_root = mass_root
-        self.layout, self.jumps, self.signal, self.measure, self.omega_1 = layout, jumps, signal, measure, omega_1
+        super().__init__(layout, jumps)
+        self.signal, self.measure, self.omega_1, self.mass_root = signal, measure, omega_1, mass_root
         self._miss = self._size = self._rounding = self._variation = 0.0
 
     @property
@@ -103,10 +142,6 @@ class Quintic:
     def rounding_share(self) -> float:
         """Estimated share of rounding in the variation of R, where steps are short."""
         return self._rounding / self._variation if self._variation else 0.0
-
-    def __call__(self, samples: Samples) -> tuple[Block, np.ndarray]:
-        """Return the segments of all steps, and the index of the segment that ends each step."""
-        return by_steps(samples, self.jumps, self._smooth, self._with_jumps)
 
     def _smooth(self, s: Samples) -> Block:
         every = np.arange(len(s.t))
@@ -131,7 +166,7 @@ class Quintic:
         h, states, skipped = np.diff(s.t), (s.q, s.q_t, s.q_tt), None
         u, *missed = inputs or self._inputs_of(s)
         if len(knots) == len(s.t):
-            c = self.layout.between(h, (*states, s.u), u)
+            c = hermite_rows(self.layout, self.layout.rayleigh, h, (*states, s.u), u)
         else:
             curves = [_cut(s.t, knots, c) for c in hermite_controls(np.diff(s.t[knots]), *(x[knots] for x in states))]
             skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)

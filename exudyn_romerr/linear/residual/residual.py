@@ -13,16 +13,13 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ...checks import check_array, check_choice
-from ...linalg.bezier import hermite_rows
-from ...linalg.blocked_products import norms_times, polygon_lengths
+from ...linalg.blocked_products import norms_times, polygon_lengths, row_norms, rows_times
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ...basis.basis import Basis
     from ...model.body import ElasticBody
-
-RESIDUALS = ("orthonormal", "direct", "expanded")
 
 
 @dataclass(frozen=True)
@@ -69,10 +66,6 @@ class Coordinates:
             return np.concatenate([q_tt, *([q_t] if self.has_damping else []), q, u], axis=-1)
         alpha, beta = self.rayleigh
         return np.concatenate([q_tt + alpha * q_t, q + beta * q_t, u], axis=-1)
-
-    def between(self, h: np.ndarray, samples: tuple, controls: np.ndarray | None) -> np.ndarray:
-        """Return control points (S, 6, k) between samples (q, q_t, q_tt, u), see hermite_rows."""
-        return hermite_rows(self, self.rayleigh, h, samples, controls)
 
 
 class ResidualMap:
@@ -128,33 +121,27 @@ class OrthonormalNorm:
         return polygon_lengths(c, self.T[:k, :k].T)
 
 
-class DirectNorm:
-    """Method 1 (33): Y z is formed in full and its norm taken. Of size N online: kept for study."""
-
-    def __init__(self, Y: np.ndarray):
-        self.Y = Y
-
-    def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
-        k = z.shape[-1]
-        return np.linalg.norm(z.reshape(-1, k) @ self.Y[:, :k].T, axis=1).reshape(z.shape[:-1])
+def direct_norm(Y: np.ndarray) -> Callable:
+    """Return method 1 (33): Y z is formed in full and its norm taken. Of size N online: kept for study."""
+    return lambda z: row_norms(rows_times(z, Y[:, : z.shape[-1]].T))
 
 
-class ExpandedNorm:
-    """Method 2 (34)-(35): quadratic form with the small matrices of all pairs of blocks; cancels (Fig. 6).
+def expanded_norm(Y: np.ndarray) -> Callable:
+    """Return method 2 (34)-(35): quadratic form with the small matrices of all pairs of blocks; cancels (Fig. 6).
 
     Where rounding makes the square negative the norm is inf: never clipped.
     """
+    H = Y.T @ Y
 
-    def __init__(self, Y: np.ndarray):
-        self.H = Y.T @ Y
-
-    def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Norms (...) of z (..., k); inf where the form is negative."""
+    def norm(z: np.ndarray) -> np.ndarray:
         k = z.shape[-1]
-        flat = z.reshape(-1, k)
-        square = np.einsum("ij,ij->i", flat @ self.H[:k, :k], flat)
-        return np.where(square < 0, np.inf, np.sqrt(np.abs(square))).reshape(z.shape[:-1])
+        square = np.einsum("...j,...j->...", z @ H[:k, :k], z)
+        return np.where(square < 0, np.inf, np.sqrt(np.abs(square)))
+
+    return norm
+
+
+RESIDUALS = {"orthonormal": OrthonormalNorm, "direct": direct_norm, "expanded": expanded_norm}
 
 
 class StartNorms(NamedTuple):
@@ -165,10 +152,10 @@ class StartNorms(NamedTuple):
     M: Callable
 
 
-def make_norm(name: str, Y: np.ndarray) -> OrthonormalNorm | DirectNorm | ExpandedNorm:
-    """Return z -> |Y z|_2 by the named way; InputError for unknown names."""
+def make_norm(name: str, Y: np.ndarray) -> Callable:
+    """Return z (..., k) -> |Y z|_2 (...) by the named way; trailing entries of z that are left out count as zero."""
     check_choice("residual", name, RESIDUALS)
-    return {"orthonormal": OrthonormalNorm, "direct": DirectNorm, "expanded": ExpandedNorm}[name](Y)
+    return RESIDUALS[name](Y)
 
 
 def initial_coordinates(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> tuple[np.ndarray, np.ndarray]:

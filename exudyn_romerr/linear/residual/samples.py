@@ -1,4 +1,4 @@
-"""Samples of a trajectory and arrays that grow with them, load jumps, and the walk over steps that may hold jumps."""
+"""Samples of a trajectory and arrays that grow with them, load jumps, and the pieces of steps that hold jumps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...errors import InputError
 from .segments import Block
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from .input_signal import InputSignal
 
@@ -39,6 +39,10 @@ class Samples:
     def part(self, which: slice) -> Samples:
         """Return some of the samples."""
         return Samples(*(x[which] for x in vars(self).values()))
+
+    def copy(self) -> Samples:
+        """Return the same in arrays of their own."""
+        return Samples(*(x.copy() for x in vars(self).values()))
 
 
 class GrowingArray:
@@ -103,28 +107,6 @@ def make_jumps(times: Sequence[float], signal: InputSignal, response: np.ndarray
         left, right = signal.at(np.nextafter(t, -np.inf)), signal.at(np.nextafter(t, np.inf))
         jumps.append(Jump(float(t), left, right, response @ (right - left)))
     return jumps
-
-
-def by_steps(
-    s: Samples, jumps: Sequence[Jump], smooth: Callable, with_jumps: Callable
-) -> tuple[Block, np.ndarray | slice]:
-    """Segments of all steps, and where each ends: the smooth ones at once, those that hold jumps one by one."""
-    before = np.array([[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in jumps], dtype=bool)
-    crossed = before[:, :-1] & ~before[:, 1:] if len(jumps) else np.zeros((0, len(s.t) - 1), dtype=bool)
-    special = np.flatnonzero(crossed.any(axis=0))
-    if not special.size:
-        return smooth(s), slice(None)
-    blocks, ends, first = [], [], 0
-    for step in [*special.tolist(), len(s.t) - 1]:
-        if step > first:
-            blocks.append(smooth(s.part(slice(first, step + 1))))
-            ends.extend([1] * (step - first))
-        if step < len(s.t) - 1:
-            here = [jump for jump, hit in zip(jumps, crossed[:, step], strict=True) if hit]
-            blocks.append(with_jumps(s.part(slice(step, step + 2)), here))
-            ends.append(len(blocks[-1].h))
-        first = step + 1
-    return Block.joined(blocks), np.cumsum(ends) - 1
 
 
 def piece_ends(t: np.ndarray, here: list[Jump]) -> np.ndarray:

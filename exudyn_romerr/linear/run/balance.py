@@ -1,8 +1,11 @@
-"""Galerkin's balance: W^T R is zero along a reduced trajectory unless a load is missing or a step was not solved."""
+"""Galerkin's balance: W^T R is zero along a reduced trajectory unless a load is missing or a step was not solved.
+
+SolverFacts: what the solver tells, by which it is judged.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,7 +14,6 @@ from ...report.scope import Doubt, Reason
 
 if TYPE_CHECKING:
     from .prepare import Offline
-    from .record import SolverFacts
 
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
@@ -22,6 +24,28 @@ OF_THE_SOLVER = (
     "velocities; whether a load is missing, too, is not seen beside that"
 )
 OTHER_SOLVER = f"take another solver than {LAGS}, such as solverType=exu.DynamicSolverType.RK44 in SolveDynamic"
+
+
+class SolverFacts(NamedTuple):
+    """What the solver of a run tells about itself.
+
+    end_time : where it was to go, None if not known. newton_tolerance : relative. floor : size of terms of W^T R that
+    cancelled before they came here. is_stopped : whether a tolerance of any body in the mbs stopped it.
+    name : its own.
+    """
+
+    end_time: float | None = None
+    newton_tolerance: float = 0.0
+    floor: float = 0.0
+    is_stopped: bool = False
+    name: str = ""
+
+    def ends_early(self, t: float) -> bool | None:
+        """Return whether a run that is at t ends before its solver was to; None: not known."""
+        return None if self.end_time is None else bool(t < self.end_time * (1 - 1e-9))
+
+
+UNKNOWN = SolverFacts()
 
 
 class Balance:

@@ -1,27 +1,27 @@
-"""RunRecord: what a run has found, frozen; reports and messages are made from it. SolverFacts: what it was told."""
+"""RunRecord: what a run has found so far, from which reports are made."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...linalg.blocked_products import norms_times
 from ...report.data import NodeFields
-from ...report.scope import SMOOTHLY
-from ..residual.samples import GrowingArray
+from ...report.scope import SMOOTHLY, Doubt
+from ..estimators.bounds import of_output
+from ..residual.samples import GrowingArray, Samples
+from .balance import Balance, SolverFacts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from ...model.outputs import Output, View
-    from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
-    from ..estimators.node_bounds import AtNodes
     from ..estimators.round_off import Rounded
-    from ..residual.samples import Samples
+    from ..residual.reconstruction import Quintic
     from .prepare import Offline
+    from .stream import Stream
 
 
 class Internal(NamedTuple):
@@ -36,81 +36,140 @@ class Internal(NamedTuple):
     views: Sequence[View | None]
 
 
-class SolverFacts(NamedTuple):
-    """What the solver of a run tells about itself.
-
-    end_time : where it was to go, None if not known. newton_tolerance : relative. floor : size of terms of W^T R that
-    cancelled before they came here. is_stopped : whether a tolerance of any body in the mbs stopped it.
-    name : its own.
-    """
-
-    end_time: float | None = None
-    newton_tolerance: float = 0.0
-    floor: float = 0.0
-    is_stopped: bool = False
-    name: str = ""
-
-    def ends_early(self, t: float) -> bool | None:
-        """Return whether a run that is at t ends before its solver was to; None: not known."""
-        return None if self.end_time is None else bool(t < self.end_time * (1 - 1e-9))
-
-
-UNKNOWN = SolverFacts()
 # of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude; where a load is
 # there at once, and stays, it is 0.5 at least; where one grows over three quarters of the longest period, 0.15
 AT_ONCE = 0.25
 
 
-@dataclass(frozen=True)
 class RunRecord:
-    """A run up to some instant.
+    """What a run has found up to some instant: samples, bounds at them, and what is to be said of these.
 
-    time : what the bounds cover of time, "reconstructed", "sampled", or "static".
-    t (T,), values (T, R), round_off (T, R), frames (T, 24) or (0,) : samples, output rows of the reduced body, what
-    rounding of the input may move these by, motion of the frame if outputs need it.
-    sizes (T, 2) : |V qr|_M, |V qr''|_M.
-    static_errors (T, 2, R) : see linear/residual/interface_stiffening.py; (0,) if modes make no interface rigid.
-    streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
-    nodes : fields at every node, on demand. messages : what was noted along the run. doubts : why no bound is
-    certified.
-    tolerances : output -> what its bound was asked to stay below, of those that were asked for.
-    rounding_share, largest_miss : of the reconstruction, see residual.reconstruction; None if there is none.
+    Attributes
+    ----------
+    tolerances : output -> what its bound was asked to stay below. messages : what was noted along the run.
+    begins_late : errors before its first sample are in no bound. continues : it has the error that the run before
+    ended with. last : the last sample that was bounded; None before the first. quintic : the reconstruction between
+    samples; None if there is none.
     """
 
-    offline: Offline
-    solver: SolverFacts
-    time: str
-    t: np.ndarray
-    values: np.ndarray
-    round_off: np.ndarray
-    frames: np.ndarray
-    sizes: np.ndarray
-    static_errors: np.ndarray
-    streams: dict[str, dict[str, Bounds]]
-    assumptions: dict[str, str]
-    nodes: Callable[[], NodeFields]
-    messages: tuple[str, ...]
-    doubts: tuple[Doubt, ...]
-    begins_late: bool
-    tolerances: dict[str, float]
-    rounding_share: float | None
-    largest_miss: float | None
+    begins_late = continues = False
+    last: Samples | None = None
+    quintic: Quintic | None = None
+
+    def __init__(self, offline: Offline, solver: SolverFacts, tolerances: dict[str, float] | None, is_static: bool):
+        self.offline, self.solver, self.tolerances, self.is_static = offline, solver, tolerances or {}, is_static
+        self.messages: list[str] = []
+        self._kept = {name: GrowingArray() for name in ("t", "values", "round_off", "frames", "sizes", "static")}
+        # time and q where the bound of |e|_M by an estimator is largest: of all samples q would be long
+        self._worst: dict[str, tuple[float, np.ndarray]] = {}
+        self._balance, self._settled = Balance(offline), slice(None)
+        self._streams: dict[str, Stream] = {}
+
+    @property
+    def _total(self) -> Stream:
+        return self._streams.get("total", self._streams["reduction"])
+
+    def _record(self, new: Samples, rounded: Rounded, own: float | np.ndarray) -> None:
+        """Keep further samples, whose bounds are there; rounded: what computing may move; own: see RoundOff."""
+        offline, root, first = self.offline, self.offline.mass_root.T, len(self._kept["t"])
+        rounded = offline.input_rounding(new, own) if offline.input_rounding else rounded
+        found = {
+            "t": new.t,
+            "values": offline.outputs_of(new.q, new.q_t),
+            "round_off": rounded.outputs,
+            "sizes": np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1),
+        }
+        if offline.static_errors is not None:
+            z = offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+            found["static"] = np.einsum("sk,erk->ser", z, offline.static_errors, optimize=True)
+        if any(offline.views):  # outputs in global axes
+            found["frames"] = new.frame
+        for name, rows in found.items():
+            self._kept[name].append(rows)
+        for name, worst in self._total.worst.items():
+            if worst.sample >= first:
+                self._worst[name] = float(new.t[worst.sample - first]), new.q[worst.sample - first].copy()
+        self.last = new.part(slice(-1, None)).copy()  # or all of a block are kept
+
+    def kept(self, name: str) -> np.ndarray:
+        """Return what is kept of the samples that count.
+
+        "t" (T,); "values" (T, R), outputs of the reduced body; "round_off" (T, R), what rounding of the input may
+        move these by; "frames" (T, 24) or (0,), motion of the frame if outputs need it; "sizes" (T, 2), |V qr|_M and
+        |V qr''|_M; "static" (T, 2, R), see linear/residual/interface_stiffening.py, (0,) if no interface is rigid.
+        """
+        return self._kept[name].read()[self._settled]
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times (T,) of the samples that count."""
+        return self.kept("t")
+
+    def settle(self) -> None:
+        """Let only the samples so far count: later ones may be bounded in part when something fails."""
+        self._settled = slice(len(self._kept["t"]))
+
+    @property
+    def time(self) -> str:
+        """What the bounds cover of time, "reconstructed", "sampled", or "static"."""
+        return "static" if self.is_static else self.offline.time
+
+    @property
+    def defect(self) -> float:
+        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
+        return self._balance.share(self.solver.floor)
+
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Return why no bound so far is certified; empty: the run is balanced, and they hold from its start on."""
+        return tuple(dict.fromkeys([*self._balance.doubts(self.solver), *doubts_in(self.messages)]))
+
+    def streams(self) -> dict[str, dict[str, Bounds]]:
+        """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
+        found = {
+            name: {e: b.at(self._settled) for e, b in stream.bounds().items()}
+            for name, stream in self._streams.items()
+        }
+        return {"total": found["reduction"], **found}
+
+    def best_of_last(self, count: int) -> dict[str, np.ndarray]:
+        """Return the smallest bound of each output (count, r) at the last steps given."""
+        frames, last = self._kept["frames"].read()[-count:], self._total.last(count)
+        shown = zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True)
+        return {
+            out.name: np.min([of_output(bounds, part, view, frames).outputs for bounds in last], axis=0)
+            for out, part, view in shown
+        }
+
+    def node_fields(self) -> NodeFields:
+        """Return what is known at every node at the worst instant, by every estimator; full-size work."""
+        found = self.offline.nodes(self._total.worst)
+        return NodeFields(
+            bound={e: x.bound for e, x in found.items()},
+            estimate={e: x.estimate for e, x in found.items() if x.estimate is not None},
+            displacement={e: self.offline.moved(self._worst[e][1]) for e in found},
+            instant={e: self._worst[e][0] for e in found},
+            positions=self.offline.positions,
+        )
+
+    def assumptions(self) -> dict[str, str]:
+        """Return what each estimator assumes."""
+        return {name: e.assumes for name, e in self._total.estimators.items()}
 
     @property
     def planned_end(self) -> float | None:
         """Where the solver was to go to, if the run ends before; None: it does not, or that is not known."""
-        return self.solver.end_time if self.solver.ends_early(self.t[-1]) else None
+        return self.solver.end_time if self.solver.ends_early(self.times[-1]) else None
 
     @property
     def stopped(self) -> float | None:
         """Where a tolerance stopped the solver before its end; None: none did."""
-        is_stopped = self.solver.is_stopped and self.solver.ends_early(self.t[-1]) is not False
-        return float(self.t[-1]) if is_stopped else None
+        t = float(self.times[-1])
+        return t if self.solver.is_stopped and self.solver.ends_early(t) is not False else None
 
     @property
     def beside_steps(self) -> tuple[str, ...]:
         """What helps beside shorter steps where the body rings, for something acts on it at once; else nothing."""
-        return beside_steps(self.sizes, self.offline.omega_1) if not self.begins_late else ()
+        return () if self.begins_late else beside_steps(self.kept("sizes"), self.offline.omega_1)
 
 
 def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
@@ -122,68 +181,6 @@ def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
     return (SMOOTHLY,) if accelerated > AT_ONCE * omega_1**2 * displaced else ()
 
 
-class RecordedSamples:
-    """What is kept of samples along a run: see RunRecord, frames if outputs need them.
-
-    q, which many outputs would fit in, only where one of the `bounds` so far is largest, and of the last samples.
-    """
-
-    def __init__(self, offline: Offline, bounds: Callable[[], dict[str, Bounds]]):
-        self._offline, self._bounds, self.t = offline, bounds, GrowingArray()
-        names = ("values", "round_off", "frames", "sizes", "static_errors")
-        self._kept = {"t": self.t, **{name: GrowingArray() for name in names}}
-        self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
-        self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
-        self._looked: dict[str, int] = {}
-
-    def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray) -> None:
-        """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff."""
-        self._drop_motions()
-        self._motions.append((len(self.t), new.q))
-        offline, root = self._offline, self._offline.mass_root.T
-        rounded = offline.input_rounding(new, own) if offline.input_rounding else rounded
-        found = {
-            "t": new.t,
-            "values": offline.outputs_of(new.q, new.q_t),
-            "round_off": rounded.outputs,
-            "sizes": np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1),
-        }
-        if offline.static_errors is not None:
-            z = offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
-            found["static_errors"] = np.einsum("sk,erk->ser", z, offline.static_errors, optimize=True)
-        if any(offline.views):  # outputs in global axes
-            found["frames"] = new.frame
-        for name, rows in found.items():
-            self._kept[name].append(rows)
-
-    def _drop_motions(self) -> None:
-        """Forget q of all samples but those where a bound is largest."""
-        for name, b in self._bounds().items():
-            first = self._looked.get(name, 0)
-            if len(b.position) > first:
-                i = first + int(np.argmax(b.position[first:]))
-                if name not in self._worst or b.position[i] > self._worst[name][0]:
-                    self._worst[name] = b.position[i], i
-                self._looked[name] = len(b.position)
-        places = sorted({i for _, i in self._worst.values()})
-        # copies: a view would keep all samples of its block
-        self._motions = [(i, q[i - a, None].copy()) for a, q in self._motions for i in places if a <= i < a + len(q)]
-
-    def _motion(self, i: int) -> np.ndarray:
-        first, q = next(block for block in reversed(self._motions) if block[0] <= i)
-        return q[i - first]
-
-    def fields_of(self, found: dict[str, AtNodes], bounds: dict[str, Bounds]) -> NodeFields:
-        """Return what is known at nodes, with the displacements where each estimator's bound of |e|_M is largest."""
-        worst = {e: int(np.argmax(bounds[e].position)) for e in found}
-        return NodeFields(
-            bound={e: x.bound for e, x in found.items()},
-            estimate={e: x.estimate for e, x in found.items() if x.estimate is not None},
-            displacement={e: self._offline.moved(self._motion(i)) for e, i in worst.items()},
-            instant={e: float(self.t.read()[i]) for e, i in worst.items()},
-            positions=self._offline.positions,
-        )
-
-    def read(self, index: slice) -> dict[str, np.ndarray]:
-        """Return these fields of a RunRecord at some samples."""
-        return {name: rows.read()[index] for name, rows in self._kept.items()}
+def doubts_in(messages: Iterable[str]) -> list[Doubt]:
+    """Return those messages that say why no bound of a run, or of one that goes on from it, is certified."""
+    return [message for message in messages if isinstance(message, Doubt)]

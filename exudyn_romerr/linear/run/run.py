@@ -8,22 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...report.scope import Doubt, Reason
+from ...report.scope import Reason
 from ..residual.reconstruction import Linear, Quintic
 from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
 from ..residual.segments import Start, turn_of
-from .balance import Balance
-from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
-from .stream import Stream, best_outputs
+from .balance import UNKNOWN, SolverFacts
+from .record import Internal, RunRecord
+from .stream import Stream
 from .summary import assemble, output_reports
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
-    from ...report.data import NodeFields
     from ...report.report import BoundReport
-    from ..estimators.bounds import Bounds
-    from ..estimators.round_off import Rounded
     from .prepare import Offline
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
@@ -40,19 +37,11 @@ OTHER_LOADS = (
 JUMP = 1e-6  # of the loads
 
 
-class Run:
+class Run(RunRecord):
     """The bounds along one solve; of a static one the errors at its load steps, exact, for there K e = -R.
 
     Of a static solve t is the load factor, q_t and q_tt are ignored, and no load step depends on another.
-
-    Attributes
-    ----------
-    begins_late : errors before its first sample are in no bound. continues : it has the error that the run before
-    ended with. last : the last sample that was bounded; None before the first.
     """
-
-    begins_late = continues = False
-    last: Samples | None = None
 
     def __init__(
         self,
@@ -61,11 +50,8 @@ class Run:
         tolerances: dict[str, float] | None = None,
         is_static: bool = False,
     ):
-        self.offline, self.solver, self.tolerances, self.is_static = offline, solver, tolerances or {}, is_static
-        self.messages: list[str] = []
-        self._recorded = RecordedSamples(offline, lambda: self._total.bounds())
+        super().__init__(offline, solver, tolerances, is_static)
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        self._balance, self._settled = Balance(offline), slice(None)
         self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters: dict[str, Linear | Quintic] = {}
@@ -75,15 +61,12 @@ class Run:
         self._segmenters["reduction"] = Linear(offline.coordinates, self._jumps)
         if offline.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
-            self._segmenters["total"] = Quintic(*known, offline.mass_root if offline.scene.turns else None)
+            self.quintic = Quintic(*known, offline.mass_root if offline.scene.turns else None)
+            self._segmenters["total"] = self.quintic
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
             self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
-
-    @property
-    def _total(self) -> Stream:
-        return self._streams.get("total", self._streams["reduction"])
 
     def start(
         self, t: float, q, q_t=None, q_tt=None, u=None, frame=None, after: Run | None = None, is_late: bool = False
@@ -115,7 +98,7 @@ class Run:
             self._streams[name].start(start, rounded)
         if "initial" in self._streams:
             self._streams["initial"].start(replace(start, z=0 * start.z))
-        self._record(first, rounded)
+        self._record(first, rounded, self._own)
 
     def _go_on(self, first: Samples, before: Run) -> None:
         """Begin where another run ended."""
@@ -125,7 +108,7 @@ class Run:
         for name, stream in self._streams.items():
             stream.go_on(before._streams[name])
         self._balance.go_on(before._balance)
-        self._record(first, self.offline.rounding(first, self._own))
+        self._record(first, self.offline.rounding(first, self._own), self._own)
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -160,84 +143,25 @@ class Run:
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
             self._streams["initial"].advance(block.without_residual(), step_end)
-        self._record(new, rounded)
+        self._record(new, rounded, self._own)
 
     def _take_load_steps(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
         self._own = self.offline.rounding.of_equilibrium(new.u)
         rounded = self.offline.rounding(new, self._own)
         self._streams["reduction"].load_steps(z, rounded)
-        self._record(new, rounded)
-
-    def best_of_last(self, count: int) -> dict[str, np.ndarray]:
-        """Return the smallest bound of each output (count, r) at the last steps given."""
-        frames = self._recorded.read(slice(-count, None))["frames"]
-        return best_outputs(self.offline, self._total.last(count), frames)
-
-    @property
-    def defect(self) -> float:
-        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
-        return self._balance.share(self.solver.floor)
-
-    def doubts(self) -> tuple[Doubt, ...]:
-        """Return why no bound so far is certified; empty: the run is balanced, and they hold from its start on."""
-        return tuple(dict.fromkeys([*self._balance.doubts(self.solver), *doubts_in(self.messages)]))
-
-    @property
-    def times(self) -> np.ndarray:
-        """Times (T,) of the samples that count."""
-        return self._recorded.t.read()[self._settled]
-
-    def settle(self) -> None:
-        """Let only the samples so far count: later ones may be bounded in part when something fails."""
-        self._settled = slice(len(self._recorded.t))
+        self._record(new, rounded, self._own)
 
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
         if self.last is None:
             raise RunError("report was asked before the first sample of the run")
-        return assemble(self.record())
+        return assemble(self)
 
     def internal(self) -> Internal:
         """Return outputs beside those that were asked for."""
-        record, offline = self.record(), self.offline
-        corrected = {name: out.corrected for name, out in output_reports(record, is_requested=False).items()}
-        return Internal(corrected, record.frames, offline.outputs, offline.views)
-
-    def record(self) -> RunRecord:
-        """Return what was found so far."""
-        quintic = self._segmenters.get("total")
-        return RunRecord(
-            offline=self.offline,
-            solver=self.solver,
-            time="static" if self.is_static else self.offline.time,
-            **self._recorded.read(self._settled),
-            streams=self.streams(),
-            assumptions=self.assumptions(),
-            nodes=self.node_fields,
-            messages=tuple(self.messages),
-            doubts=self.doubts(),
-            begins_late=self.begins_late,
-            tolerances=self.tolerances,
-            rounding_share=None if quintic is None else quintic.rounding_share,
-            largest_miss=None if quintic is None else quintic.largest_miss,
-        )
-
-    def streams(self) -> dict[str, dict[str, Bounds]]:
-        """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
-        found = {
-            name: {e: b.at(self._settled) for e, b in stream.bounds().items()}
-            for name, stream in self._streams.items()
-        }
-        return {"total": found["reduction"], **found}
-
-    def node_fields(self) -> NodeFields:
-        """Return what is known at every node at the worst instant, by every estimator; full-size work."""
-        return self._recorded.fields_of(self.offline.nodes(self._total.worst), self.streams()["total"])
-
-    def assumptions(self) -> dict[str, str]:
-        """Return what each estimator assumes."""
-        return {name: e.assumes for name, e in self._total.estimators.items()}
+        corrected = {name: out.corrected for name, out in output_reports(self, is_requested=False).items()}
+        return Internal(corrected, self.kept("frames"), self.offline.outputs, self.offline.views)
 
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame: Any = None) -> Samples:
         before = -np.inf if self.last is None else float(self.last.t[-1])
@@ -253,10 +177,6 @@ class Run:
             z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
         self._balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
         return Samples(t, *states, u, frame)
-
-    def _record(self, new: Samples, rounded: Rounded) -> None:
-        self._recorded.append(new, rounded, self._own)
-        self.last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept
 
 
 def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:
@@ -296,8 +216,3 @@ def loads_jump(offline: Offline, first: Samples, rest: np.ndarray | None) -> lis
     if np.all(np.abs(now - before) <= JUMP * np.max(np.abs([before, now]), initial=0.0)):
         return []
     return [OTHER_LOADS]
-
-
-def doubts_in(messages: Iterable[str]) -> list[Doubt]:
-    """Return those messages that say why no bound of a run, or of one that goes on from it, is certified."""
-    return [message for message in messages if isinstance(message, Doubt)]

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimators.bounds import Bounds, Worst, of_output
+from ..estimators.bounds import Bounds, Worst
 from ..residual.samples import GrowingArray
 from ..residual.segments import Block, Start
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from ..estimators.estimator import Estimator
-    from .prepare import Offline
+    from ..estimators.bounds import Estimator
 
 
 class KeptBounds:
@@ -24,17 +23,17 @@ class KeptBounds:
 
     def __init__(self) -> None:
         self._fields: dict[str, GrowingArray] = {}
-        self._count = 0
+        self.count = 0
 
     def append(self, bounds: Bounds) -> None:
         """Add bounds at further instants."""
         for name, x in vars(bounds).items():
             if x is not None and name not in self._fields:
                 self._fields[name] = GrowingArray()
-                self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
+                self._fields[name].append(np.zeros((self.count, *x.shape[1:])))  # no jumps before the first
             if name in self._fields:
                 self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
-        self._count += len(bounds.outputs)
+        self.count += len(bounds.outputs)
 
     def read(self) -> Bounds:
         """Return all of them."""
@@ -79,15 +78,15 @@ class Stream:
             self._remember(name, e, e(z), slice(None), widenings)
 
     def _remember(self, name: str, e: Estimator, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
-        i = int(np.argmax(bounds.position))
-        instant = e.instant(i)  # lets go of the block, also where it was larger before
-        if name not in self.worst or bounds.position[i] > self.worst[name].position:
-            widened = sum(float(np.max(position)) for position, *_ in widenings)
-            self.worst[name] = Worst(bounds.position[i], instant, widened)
-        bounds = bounds.at(ends)
+        kept, at_ends = self._kept[name], bounds.at(ends)
         for widening in widenings:
-            bounds = bounds.widened(*widening)
-        self._kept[name].append(bounds.of_outputs() if self._only_outputs else bounds)
+            at_ends = at_ends.widened(*widening)
+        i = int(np.argmax(at_ends.position))
+        instant = e.instant(np.arange(len(bounds.position))[ends][i])  # lets go of the block, needed or not
+        if name not in self.worst or at_ends.position[i] > self.worst[name].position:
+            widened = sum(float(np.max(position)) for position, *_ in widenings)
+            self.worst[name] = Worst(at_ends.position[i], kept.count + i, instant, widened)
+        kept.append(at_ends.of_outputs() if self._only_outputs else at_ends)
 
     def last(self, count: int) -> list[Bounds]:
         """Return the bounds of all estimators at the last instants."""
@@ -96,12 +95,3 @@ class Stream:
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""
         return {name: kept.read() for name, kept in self._kept.items()}
-
-
-def best_outputs(offline: Offline, last: Sequence[Bounds], frames: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the smallest bound of each output (S, r) at some instants, with the motion of the frame there."""
-    shown = zip(offline.outputs, offline.slices, offline.views, strict=True)
-    return {
-        out.name: np.min([of_output(bounds, part, view, frames).outputs for bounds in last], axis=0)
-        for out, part, view in shown
-    }

@@ -32,37 +32,34 @@ FEW_DIGITS = (
 
 def assemble(run: RunRecord) -> BoundReport:
     """Return the report of what the run has bounded so far."""
-    offline, t, total, scene = run.offline, run.t, run.streams["total"], run.offline.scene
+    offline, t, total, doubts = run.offline, run.times, run.streams()["total"], run.doubts()
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=output_reports(run, is_requested=True),
-        scope=dict.fromkeys(total, scene.scope),
-        scope_reason=with_doubts(scene.reason, run.doubts),
-        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
+        scope=dict.fromkeys(total, offline.scene.scope),
+        scope_reason=with_doubts(offline.scene.reason, doubts),
+        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
-        nodes=run.nodes,
+        nodes=run.node_fields,
         made=made_here(),
         planned_end=run.planned_end,
-        uncertified=run.doubts,
+        uncertified=doubts,
     )
 
 
 def output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
-    offline, frames, found = run.offline, run.frames, {}
+    offline, frames, bounds, found = run.offline, run.kept("frames"), run.streams(), {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         if out.is_requested != is_requested:
             continue
-        streams = {
-            stream: {e: of_output(b, part, view, frames) for e, b in bounds.items()}
-            for stream, bounds in run.streams.items()
-        }
-        value, round_off = run.values[:, part], run.round_off[:, part]
+        streams = {s: {e: of_output(b, part, view, frames) for e, b in of.items()} for s, of in bounds.items()}
+        value, round_off = run.kept("values")[:, part], run.kept("round_off")[:, part]
         if view is not None:
             round_off = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
             value = view.values(value, frames, offline.scene.pose)
@@ -74,9 +71,9 @@ def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarr
     """Return the share (r,) of rigid interfaces in the error of the basis: that in its static part."""
     if run.offline.static_errors is None:
         return 0.0
-    errors = run.static_errors[:, :, part]
+    errors = run.kept("static")[:, :, part]
     if view is not None:
-        errors = np.einsum("srk,sek->ser", view.matrices(run.frames), errors)
+        errors = np.einsum("srk,sek->ser", view.matrices(run.kept("frames")), errors)
     return interface_share(errors)
 
 
@@ -111,7 +108,7 @@ def _output_report(
         tolerance=run.tolerances.get(out.name),
         stopped=run.stopped,
         beside_steps=run.beside_steps,
-        uncertified=run.doubts,
+        uncertified=run.doubts(),
         **of_known,
     )
 
@@ -177,12 +174,12 @@ def _messages(run: RunRecord) -> list[str]:
     """Return the messages of a run, the gravest first."""
     offline, is_dynamic, end, few_digits = run.offline, run.time != "static", run.planned_end, run.offline.single
     found = [
-        is_dynamic and len(run.t) == 1 and "only the first instant was bounded",
-        *(doubt for doubt in run.doubts if doubt not in run.messages),
+        is_dynamic and len(run.times) == 1 and "only the first instant was bounded",
+        *(doubt for doubt in run.doubts() if doubt not in run.messages),
         not any(out.is_requested for out in offline.outputs) and NO_OUTPUTS,
         *dict.fromkeys(run.messages),
         *(offline.notes if is_dynamic else ()),
-        end is not None and f"the run ends at t = {run.t[-1]:g} s; the solver was to go to {end:g} s",
+        end is not None and f"the run ends at t = {run.times[-1]:g} s; the solver was to go to {end:g} s",
         is_dynamic and _between_samples(run),
         few_digits and f"{', '.join(few_digits)} {FEW_DIGITS}",
     ]
@@ -193,16 +190,16 @@ def _between_samples(run: RunRecord) -> str:
     offline = run.offline
     if offline.scene.pose is not None and offline.signal is None:
         return FROM_SAMPLES
-    if run.rounding_share is None:
+    if run.quintic is None:
         return ""
-    if run.rounding_share > ROUNDING_SHARE:
-        share = f"{min(100 * run.rounding_share, 100):.0f} %"
+    if run.quintic.rounding_share > ROUNDING_SHARE:
+        share = f"{min(100 * run.quintic.rounding_share, 100):.0f} %"
         return f"steps so short that rounding makes about {share} of the bound: longer steps are better"
     if offline.signal is None and offline.coordinates.p:
         return "inputs taken as linear between samples: pass input_function to cover what lies between"
-    if run.largest_miss > RESOLVED:
+    if run.quintic.largest_miss > RESOLVED:
         return (
-            f"the inputs change within single steps: up to {run.largest_miss:.1e} of their largest value is "
+            f"the inputs change within single steps: up to {run.quintic.largest_miss:.1e} of their largest value is "
             "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
             "or take smaller steps"
         )

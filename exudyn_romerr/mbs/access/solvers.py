@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ...linear.run.record import SolverFacts
+from ...linear.run.balance import SolverFacts
 from ...mechanism.scheme import Scheme
 
 if TYPE_CHECKING:

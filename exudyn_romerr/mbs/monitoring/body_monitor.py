@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...linear.run.record import UNKNOWN
-from ...linear.run.run import BLOCK, Run, doubts_in
+from ...linear.run.balance import UNKNOWN
+from ...linear.run.record import doubts_in
+from ...linear.run.run import BLOCK, Run
 from ...report.scope import COUPLED
 from ...report.wording import not_certified
 from ..access.endings import SAME_TIME

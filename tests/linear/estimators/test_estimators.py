@@ -117,7 +117,7 @@ def _spread(full):
 def test_rates_above_the_auxiliary_modes_hold_for_every_mode_there():
     for alpha, beta in ((0.1, 0.0), (0.0, 1e-3), (3.0, 0.2), (9.0, 0.0)):
         omega = np.geomspace(2.0, 2e4, 200)
-        for rate in rayleigh_rates(2.0, alpha, beta):
+        for rate in rayleigh_rates((2.0, alpha, beta)):
             damping, kappa = alpha + beta * omega**2, omega**2 - rate.r * (alpha + beta * omega**2) + rate.r**2
             assert np.all(damping >= 2 * rate.r * (1 - 1e-12))
             assert np.all(kappa > 0)

@@ -10,10 +10,9 @@ from scipy.sparse.linalg import splu
 
 import exudyn_romerr as romerr
 from exudyn_romerr import Basis, ElasticBody, InputError, Output, frequency_response
-from exudyn_romerr.linear.estimators import harmonic
-from exudyn_romerr.linear.estimators.harmonic import AnyDamping, ProportionalDamping
 from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from exudyn_romerr.linear.run import frequency_response as module
+from exudyn_romerr.linear.run.frequency_response import AnyDamping, ProportionalDamping
 from models import solid_bar
 from tests.helpers.bodies import BODIES, DAMPINGS, model, pencil
 
@@ -290,7 +289,7 @@ def test_no_bound_at_eigenfrequencies_of_an_undamped_body():
     omega = body.modes(4).omega
     frequencies = np.sort(np.concatenate([omega, omega * (1 + 1e-14), 1.01 * omega]))
     found = frequency_response(body, romerr.krylov_basis(body, B, 6), B, output, frequencies)
-    assert [why == harmonic.RESONANCE for why in found.reasons] == 4 * [True, True, False]
+    assert [why == module.RESONANCE for why in found.reasons] == 4 * [True, True, False]
     assert np.isfinite(found.bound).all(axis=(1, 2)).tolist() == 4 * [False, False, True]
     assert not any(np.isnan(x).any() for x in (found.value, found.estimate, found.bound))
     assert f"no bound at 8 of them, such as {omega[0] / (2 * np.pi):.6g} Hz: resonance" in str(found)
@@ -312,20 +311,20 @@ def test_no_bound_above_the_modes_that_are_computed(monkeypatch):
     for damping in ("none", "Rayleigh"):
         body, B, output, omega = bar(damping)
         found = frequency_response(body, romerr.krylov_basis(body, B, 6), B, output, omega[[0, 4]] * 1.05)
-        assert found.reasons == ("", harmonic.TOO_HIGH.format(3) if damping == "none" else "")
+        assert found.reasons == ("", module.TOO_HIGH.format(3) if damping == "none" else "")
 
 
 def test_reasons_of_general_matrices():
     full = model("pencil", "gyroscopic", 0)
     basis, output = romerr.modal_basis(full.body, 2), Output("y", np.eye(full.N)[0])
     found = frequency_response(full.body, basis, np.eye(full.N)[:, 0], output, 1.0)
-    assert found.reasons == (harmonic.GYROSCOPIC,)
+    assert found.reasons == (module.GYROSCOPIC,)
     assert np.isfinite(found.estimate).all()
     assert "no bound" in str(found)
     assert "at most" not in str(found)
     body, B, output, omega = bar("dashpot")
     found = frequency_response(body, romerr.krylov_basis(body, B, 6), B, output, omega[[0, 2]] * 0.9)
-    assert found.reasons == ("", harmonic.UNDAMPED_MOTIONS)
+    assert found.reasons == ("", module.UNDAMPED_MOTIONS)
 
 
 def test_velocities_are_those_of_displacements():
