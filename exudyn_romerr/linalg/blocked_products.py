@@ -1,8 +1,8 @@
-"""Products of many short rows with one small matrix, kept on one core, and norms of rows."""
+"""Products of many short rows with one small matrix, kept on one core, norms of rows, and recurrences over rows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import prod
 
 import numpy as np
@@ -109,6 +109,20 @@ def row_norms(rows: np.ndarray) -> np.ndarray:
 def _is_ordinary(square: np.ndarray) -> bool:
     """Whether no square lost digits or overflowed."""
     return square.size == 0 or bool(square.min() > SMALLEST_SQUARE and square.max() < np.inf)
+
+
+def decaying_sums(decays: np.ndarray, added: np.ndarray, starts: Sequence[float]) -> np.ndarray:
+    """Return x (rows, S) of x_k = decay_k x_{k-1} + added_k, x_{-1} = start; inf from the first inf or nan on."""
+    sums, x = np.empty_like(added, dtype=float), np.array(starts, dtype=float)
+    if loops is not None:
+        loops.decaying_sums(*added.shape, decays, added, x, sums)
+        return sums
+    with np.errstate(over="ignore", invalid="ignore"):  # 0 inf, too
+        for k, (decay, more) in enumerate(zip(decays.T, added.T, strict=True)):
+            x = decay * x + more
+            x[~np.isfinite(x)] = np.inf
+            sums[:, k] = x
+    return sums
 
 
 def consecutive(numbers: np.ndarray) -> np.ndarray | slice:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.linalg import bezier, blocked_products, linear_recurrence
+from exudyn_romerr.linalg import bezier, blocked_products
 from tests.compiled.test_loops import SAME, off
 
 EVERY = np.arange(1, 10) / 10  # of a step: checks and inner nodes in turn
@@ -60,7 +60,7 @@ def test_sums_decay_as_those_of_numpy(compiled, monkeypatch):
     )
     added[3, 20], added[4, 0], decays[5, 7] = np.inf, np.nan, 1e308
     found = both(
-        linear_recurrence, compiled, monkeypatch, lambda: linear_recurrence.decaying_sums(decays, added, starts)
+        blocked_products, compiled, monkeypatch, lambda: blocked_products.decaying_sums(decays, added, starts)
     )
     for x in found:
         assert [np.isinf(row).sum() for row in x] == [0, 0, 50, 30, 50, 43]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...linalg.linear_recurrence import decaying_sums
+from ...linalg.blocked_products import decaying_sums
 from ..residual.decay_rates import DecayRate, body_rates
 from ..residual.segments import Block, Start
 from .bounds import Bounds, times

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...linalg import oscillator
-from ...linalg.linear_recurrence import decaying_sums
+from ...linalg.blocked_products import decaying_sums
 from ..residual.kernels import LagTable
 from ..residual.segments import Block, Start
 from .bounds import Bounds, times
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 class MassNormEstimator:
     """Shared part of the estimators that bound |e|_M by the integral of |R|_{M^-1} (paper, section 4).
 
+    _state_bounds(t, integral, block) : their bounds of |e|_M and |e'|_M after times t (S,) from the start, with
+    int |R| up to there.
     initial : |e0|_M, |e0|_K, |e0'|_M of the initial error.
     """
 
@@ -57,10 +59,6 @@ class MassNormEstimator:
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
         return Bounds(None, None, times(np.array(instant), self.C2))
-
-    def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of |e|_M and |e'|_M after times t (S,) from the start, with int |R| up to there."""
-        raise NotImplementedError
 
 
 class StateSpace(MassNormEstimator):

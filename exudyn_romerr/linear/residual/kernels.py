@@ -23,7 +23,7 @@ DECAY_SHARES = (0.0, 0.5, 0.8, 0.95, 1.0)  # of the largest admissible decay rat
 
 
 class Kernel:
-    """Contract of a kernel.
+    """Contract of a kernel: phi11(t) bounds |Phi11(t)|_M, phi12_on(lo, hi) |Phi12|_M over lag intervals [lo, hi].
 
     Attributes
     ----------
@@ -43,17 +43,9 @@ class Kernel:
     envelopes: list[tuple[float, float]]
     omega_1: float
 
-    def phi11(self, t: np.ndarray) -> np.ndarray:
-        """Return the bound of |Phi11(t)|_M at times t >= 0."""
-        raise NotImplementedError
-
     def phi12(self, t: np.ndarray) -> np.ndarray:
         """Return the bound of |Phi12(t)|_M (s) at times t >= 0."""
         return self.phi12_on(t, t)
-
-    def phi12_on(self, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
-        """Return the bound of |Phi12|_M over each lag interval [lo, hi]."""
-        raise NotImplementedError
 
     def free_motion(self, t: np.ndarray, e0_M: float, e0_K: float, v0_M: float) -> np.ndarray:
         """Bound |Phi11 e0 + Phi12 e0'|_M from |e0|_M, |e0|_K and |e0'|_M."""

@@ -39,7 +39,7 @@ ROUNDING_SHARE = 0.1  # of the variation of R: above, fewer samples are taken as
 
 
 class Segmenter:
-    """Samples to segments: of smooth steps all at once, of a step that holds jumps in pieces."""
+    """Samples to segments: by _smooth of many steps at once, by _with_jumps of a step that holds jumps."""
 
     def __init__(self, layout: Coordinates, jumps: Sequence[Jump]):
         self.layout, self.jumps = layout, jumps
@@ -65,14 +65,6 @@ class Segmenter:
                 ends.append(len(blocks[-1].h))
             first = step + 1
         return Block.joined(blocks), np.cumsum(ends) - 1
-
-    def _smooth(self, s: Samples) -> Block:
-        """Segments of steps without jumps."""
-        raise NotImplementedError
-
-    def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
-        """Segments of one step with jumps."""
-        raise NotImplementedError
 
 
 class Linear(Segmenter):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from ...linalg.blocked_products import row_norms
 from ...model.matrix_checks import DOUBLE
 from ...model.outputs import View, stacked_rows
 from ...model.shared_body import made_once
+from ...progress import progress
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS
 from ..estimators.energy import StaticError
-from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.round_off import RoundOff, of_input
 from ..estimators.turning_frame import Turning
 from ..residual.input_signal import InputSignal
@@ -31,11 +31,12 @@ if TYPE_CHECKING:
     from ...basis.basis import Basis
     from ...model.body import ElasticBody
     from ..estimators.bounds import Worst
-    from ..estimators.node_bounds import AtNodes
     from ..residual.segments import Start
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
+
+CHUNK = 600  # rows solved for at once: their solutions are of full size
 
 ALONE = Scene()  # of a body without a frame
 TIMES = ("reconstructed", "sampled")
@@ -67,6 +68,13 @@ def prepare(
         _ = problem.split  # first, for it takes most modes: none made twice
     signal = _made_signal(options.input_function, problem.B.shape[1], sampled_inputs)
     return Offline(problem, names, options, signal, samples_precision, scene)
+
+
+class AtNodes(NamedTuple):
+    """Of the error u - u_reduced at nodes: bound (nodes,) of its length; estimate (nodes, 3), None if not known."""
+
+    bound: np.ndarray
+    estimate: np.ndarray | None
 
 
 class Offline:
@@ -141,7 +149,8 @@ class Offline:
 
     def moved(self, q: np.ndarray) -> np.ndarray:
         """Return the displacements (nodes, 3) of the reduced body at q (n,)."""
-        return node_displacements(self._problem, q)
+        problem = self._problem
+        return problem.body.expand(problem.V @ q)[_shown(problem)].reshape(-1, 3)
 
     def outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
         """Return the output rows (S, R) of the reduced body at q, q_t (S, n)."""
@@ -253,3 +262,38 @@ def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[
     if times.size and (signal is None or not signal.p):
         raise InputError("jumps need input_function, which gives the input on both sides; pass it beside inputs")
     return tuple(sorted(times.tolist()))
+
+
+def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[str, AtNodes]:
+    """Return what every estimator knows of the error at every node.
+
+    Parameters
+    ----------
+    make : callable
+        (name, problem) -> estimator.
+    worst : dict
+        Estimator -> its worst instant.
+    """
+    shown = _shown(problem)
+    parts: dict[str, list] = {name: [] for name in worst}
+    for first in progress(range(0, shown.size, CHUNK), "bounds at nodes"):
+        coordinates = shown[first : first + CHUNK]
+        rows = np.zeros((len(coordinates), problem.body.N))
+        rows[np.arange(len(coordinates)), coordinates] = 1.0
+        seen = problem.with_displacements(problem.body.space.rows(rows))
+        for name, at in worst.items():
+            found = make(name, seen).bounds_at(at.instant)
+            parts[name].append((found.outputs[0] + at.widened * seen.rows.C_M, found.correction))
+    return {name: _joined(chunks) for name, chunks in parts.items()}
+
+
+def _shown(problem: Problem) -> np.ndarray:
+    """Numbers (3 nodes,) of the coordinates that are displacements of nodes."""
+    body = problem.body
+    return (body.dofs_per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
+
+
+def _joined(chunks: list) -> AtNodes:
+    bounds, known = zip(*chunks, strict=True)
+    estimate = None if known[0] is None else np.hstack(known).reshape(-1, 3)
+    return AtNodes(np.linalg.norm(np.concatenate(bounds).reshape(-1, 3), axis=1), estimate)
