@@ -132,18 +132,23 @@ class StaticError:
         self.norm = problem.dual.norm_static
         self.rows = problem.rows.static_rows
 
-    def __call__(self, z: np.ndarray) -> Bounds:
-        """Return the errors at load steps z (S, k)."""
-        self._z, known = z, -(z @ self.rows.T)
-        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(known), None, known, np.zeros_like(known))
+    def start(self, start: Start) -> Bounds:
+        """Return the errors at the first load step."""
+        return self.bounds_at((start.z[None],))
+
+    def advance(self, block: Block) -> Bounds:
+        """Return the errors at further load steps."""
+        return self.bounds_at((block.c[:, -1],))
 
     def instant(self, i: int) -> tuple:
         """Return z at entry i of the errors returned last."""
         return (self._z[i : i + 1].copy(),)
 
     def bounds_at(self, instant: tuple) -> Bounds:
-        """Return the errors (1, R) at an instant of an object with other outputs."""
-        return self(*instant)
+        """Return the errors at load steps z (S, k), those of another object with other outputs, say."""
+        (self._z,) = instant
+        known = -(self._z @ self.rows.T)
+        return Bounds(self.norm(self._z), np.zeros(len(known)), np.abs(known), None, known, np.zeros_like(known))
 
 
 class Smooth:

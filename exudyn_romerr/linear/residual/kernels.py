@@ -195,8 +195,7 @@ class LagTable:
     def __init__(self, kernel: Kernel):
         self.kernel = kernel
         self.cell = 1 / (CELLS_PER_RADIAN * kernel.omega_1)
-        self.levels = [np.zeros(0)]
-        self.stack = np.zeros((1, 0))
+        self.levels = np.zeros((1, 0))
 
     def __call__(self, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
         """Upper bounds of max |Phi12| over [lo, hi] (any shape), never below it."""
@@ -205,11 +204,11 @@ class LagTable:
         last = np.floor(hi / self.cell * (1 + 1e-14)).astype(int)
         self._grow(int(last.max()) + 1)
         level = np.floor(np.log2(last - first + 1)).astype(int)
-        # row j of the stack is padded at its end; both runs of 2^j cells lie inside [first, last]
-        return np.maximum(self.stack[level, first], self.stack[level, last - 2**level + 1])
+        # row j is padded at its end; both runs of 2^j cells lie inside [first, last]
+        return np.maximum(self.levels[level, first], self.levels[level, last - 2**level + 1])
 
     def _grow(self, cells: int) -> None:
-        have = self.levels[0].size
+        have = self.levels.shape[1]
         if cells <= have:
             return
         if cells > MOST_CELLS:
@@ -220,9 +219,8 @@ class LagTable:
                 "'auxiliary' or 'energy', or kernels='certified'"
             )
         edges = self.cell * np.arange(have, max(cells, 2 * have) + 1)
-        self.levels = [np.concatenate([self.levels[0], self.kernel.phi12_on(edges[:-1], edges[1:])])]
-        while 2 ** len(self.levels) <= self.levels[0].size:
-            half, below = 2 ** (len(self.levels) - 1), self.levels[-1]
-            self.levels.append(np.maximum(below[:-half], below[half:]))
-        size = self.levels[0].size
-        self.stack = np.array([np.pad(level, (0, size - level.size)) for level in self.levels])
+        levels = [np.concatenate([self.levels[0], self.kernel.phi12_on(edges[:-1], edges[1:])])]
+        while 2 ** len(levels) <= levels[0].size:
+            half = 2 ** (len(levels) - 1)
+            levels.append(np.maximum(levels[-1], np.append(levels[-1][half:], np.zeros(half))))
+        self.levels = np.array(levels)

@@ -62,6 +62,7 @@ class RunRecord:
         self._kept = {name: GrowingArray() for name in ("t", "values", "round_off", "frames", "sizes", "static")}
         # time and q where the bound of |e|_M by an estimator is largest: of all samples q would be long
         self._worst: dict[str, tuple[float, np.ndarray]] = {}
+        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         self._balance, self._settled = Balance(offline), slice(None)
         self._streams: dict[str, Stream] = {}
 
@@ -69,10 +70,10 @@ class RunRecord:
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
 
-    def _record(self, new: Samples, rounded: Rounded, own: float | np.ndarray) -> None:
-        """Keep further samples, whose bounds are there; rounded: what computing may move; own: see RoundOff."""
+    def _record(self, new: Samples, rounded: Rounded) -> None:
+        """Keep further samples, whose bounds are there; rounded: what rounding of the computation may move."""
         offline, root, first = self.offline, self.offline.mass_root.T, len(self._kept["t"])
-        rounded = offline.input_rounding(new, own) if offline.input_rounding else rounded
+        rounded = offline.input_rounding(new, self._own) if offline.input_rounding else rounded
         found = {
             "t": new.t,
             "values": offline.outputs_of(new.q, new.q_t),

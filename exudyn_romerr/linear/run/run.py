@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...report.scope import Reason
-from ..residual.reconstruction import Linear, Quintic
+from ..residual.reconstruction import Linear, Quintic, Segmenter
 from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
 from ..residual.segments import Start, turn_of
 from .balance import UNKNOWN, SolverFacts
@@ -52,20 +52,18 @@ class Run(RunRecord):
     ):
         super().__init__(offline, solver, tolerances, is_static)
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
-        self._segmenters: dict[str, Linear | Quintic] = {}
-        if is_static:
-            self._streams = {"reduction": Stream({"static": offline.static()})}
-            return
-        self._segmenters["reduction"] = Linear(offline.coordinates, self._jumps)
-        if offline.time == "reconstructed":
+        self._segmenters: dict[str, Segmenter] = {"reduction": Linear(offline.coordinates, self._jumps)}
+        if self.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
             self.quintic = Quintic(*known, offline.mass_root if offline.scene.turns else None)
             self._segmenters["total"] = self.quintic
-        last = list(self._segmenters)[-1]
-        self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
-        if offline.initial is not None:
+        last, estimators = (
+            list(self._segmenters)[-1],
+            {"static": offline.static()} if is_static else offline.estimators,
+        )
+        self._streams = {name: Stream(estimators, name != last) for name in self._segmenters}
+        if offline.initial is not None and not is_static:
             self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
 
     def start(
@@ -78,37 +76,34 @@ class Run(RunRecord):
         """
         first = self._checked(np.array([t], dtype=float), *(np.asarray([x]) for x in (q, q_t, q_tt)), u, frame)
         self.begins_late = is_late
-        if self.is_static:
-            self._take_load_steps(first)
-        elif after is None or after.is_static:
+        if after is None or after.is_static:
             self._begin(first, None if after is None else after.last.u[0])
         else:
-            self._go_on(first, after)
+            self._go_on(after)
+        self.messages += [Reason.NO_ACCELERATIONS.doubt(t)] if is_late and not self.is_static else []
+        self._record(first, self.offline.rounding(first, self._own))
 
     def _begin(self, first: Samples, rest: np.ndarray | None) -> None:
         """Begin at rest, or anywhere; rest : inputs (p,) that the full body is in equilibrium with before."""
-        start = start_of(self.offline, first, self._jumps, rest)
-        if start.y0 is None and (first.q.any() or first.q_t.any()):
+        offline = self.offline
+        start = start_of(offline, first, self._jumps, rest, self.is_static)
+        if start.y0 is None and (first.q.any() or first.q_t.any()) and not self.is_static:
             self.messages.append(IN_THE_SPAN)
-        self.messages += loads_jump(self.offline, first, rest)
-        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
-        self._own = self.offline.own_motion(start)
-        rounded = self.offline.rounding(first, self._own)
+        self.messages += loads_jump(offline, first, rest)
+        self._own = offline.rounding.of_equilibrium(first.u) if self.is_static else offline.own_motion(start)
+        rounded = offline.rounding(first, self._own)
         for name in self._segmenters:
             self._streams[name].start(start, rounded)
         if "initial" in self._streams:
             self._streams["initial"].start(replace(start, z=0 * start.z))
-        self._record(first, rounded, self._own)
 
-    def _go_on(self, first: Samples, before: Run) -> None:
+    def _go_on(self, before: Run) -> None:
         """Begin where another run ended."""
-        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
-        self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
+        self.messages.append(f"continues the run before from t = {before.last.t[-1]:g} s")
         self.continues, self._own, self.begins_late = True, before._own, self.begins_late or before.begins_late
         for name, stream in self._streams.items():
             stream.go_on(before._streams[name])
         self._balance.go_on(before._balance)
-        self._record(first, self.offline.rounding(first, self._own), self._own)
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -120,8 +115,6 @@ class Run(RunRecord):
     def extension(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> Extension:
         """Check further samples and make segments of them; `advance` goes on with what is returned here."""
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
-        if self.is_static:
-            return Extension(new, {})
         samples = new.after(self.last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         reduction = segments["reduction"][0]
@@ -134,8 +127,7 @@ class Run(RunRecord):
         """Go on by checked samples."""
         new, segments = extension
         if self.is_static:
-            self._take_load_steps(new)
-            return
+            self._own = self.offline.rounding.of_equilibrium(new.u)
         rounded = self.offline.rounding(new, self._own)
         for name, (block, step_end) in segments.items():
             skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
@@ -143,14 +135,7 @@ class Run(RunRecord):
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
             self._streams["initial"].advance(block.without_residual(), step_end)
-        self._record(new, rounded, self._own)
-
-    def _take_load_steps(self, new: Samples) -> None:
-        z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
-        self._own = self.offline.rounding.of_equilibrium(new.u)
-        rounded = self.offline.rounding(new, self._own)
-        self._streams["reduction"].load_steps(z, rounded)
-        self._record(new, rounded, self._own)
+        self._record(new, rounded)
 
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
@@ -179,12 +164,14 @@ class Run(RunRecord):
         return Samples(t, *states, u, frame)
 
 
-def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:
+def start_of(
+    offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None, is_static: bool
+) -> Start:
     """Return the start of a run at its first sample; rest: inputs (p,) that the full body was in equilibrium with."""
     layout = offline.coordinates
     q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
     t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
-    if offline.initial is None:
+    if offline.initial is None or is_static:
         return Start(t, z)
     if offline.initial == "equilibrium":  # K e0 = B u - K V qr
         u, z = _before_the_first_jump(layout, first, jumps, z) if rest is None else (rest, z)

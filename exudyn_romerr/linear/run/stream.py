@@ -72,11 +72,6 @@ class Stream:
         for name, e in self.estimators.items():
             self._remember(name, e, e.advance(block), step_end, widenings)
 
-    def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
-        """Take load steps z (S, k) of a static solve, which do not depend on one another."""
-        for name, e in self.estimators.items():
-            self._remember(name, e, e(z), slice(None), widenings)
-
     def _remember(self, name: str, e: Estimator, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
         kept, at_ends = self._kept[name], bounds.at(ends)
         for widening in widenings:
