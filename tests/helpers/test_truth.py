@@ -1,41 +1,12 @@
-"""The tests' own truth: two independent exact solutions agree, and a manufactured solution is met."""
+"""The tests' own truth: a manufactured solution is met; test_total_error.py has a second truth beside it."""
 
 import numpy as np
 import pytest
-import scipy.linalg as la
 from numpy.polynomial import polynomial as poly
 
 from tests.helpers import tolerances as tol
-from tests.helpers.bodies import BODIES, DAMPINGS, model
-from tests.helpers.truth import MAX_DEGREE, modal_solution, state_form
-
-MODAL = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
-
-
-@pytest.mark.parametrize("damping", MODAL)
-@pytest.mark.parametrize("kind", BODIES)
-def test_exponential_and_modal_solution_agree(kind, damping):
-    """Expm of the state form against closed forms of the modes, piecewise linear load, uneven steps, stiff bodies."""
-    full = model(kind, damping, 5)
-    omega = full.modes[0]
-    rng = np.random.default_rng(5)
-    B, h, F = (
-        rng.standard_normal((full.N, 2)),
-        np.tile([0.1, 0.03, 0.2], 15) / omega[0],
-        rng.standard_normal((45, 2, 2)),
-    )
-    q0 = la.solve(full.K, rng.standard_normal(full.N))
-    found = state_form(full.M, full.D, full.K, B).propagate(h, F, q0, omega[0] * q0)
-    q, q_t = modal_solution(full.M, full.K, full.rayleigh, B, h, F, q0, omega[0] * q0)
-    allowed = tol.PROPAGATED + tol.PENCIL * (omega[-1] / omega[0]) ** 2
-    energy = np.max(energy_norm(full, q, q_t))
-    assert np.max(energy_norm(full, 0 * q, q_t - found.q_t)) < allowed * energy
-    assert omega[0] * np.max(energy_norm(full, 0 * q, q - found.q)) < allowed * energy
-
-
-def energy_norm(full, q, q_t):
-    """Root of twice the energy at every time."""
-    return np.sqrt(np.einsum("ti,ij,tj->t", q, full.K, q) + np.einsum("ti,ij,tj->t", q_t, full.M, q_t))
+from tests.helpers.bodies import DAMPINGS, model
+from tests.helpers.truth import MAX_DEGREE, state_form
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)

@@ -1,7 +1,7 @@
 """Exact solutions of M q'' + D q' + K q = B u for inputs that are polynomials of degree <= 5 between knots.
 
 Nothing here uses exudyn_romerr. `StateForm` takes any damping (Rayleigh, overdamped, non-modal, gyroscopic) and
-unsymmetric (Petrov-Galerkin) matrices; `modal_solution` is a second, closed form for Rayleigh damping.
+unsymmetric (Petrov-Galerkin) matrices; total_truth.Exact is a second, closed form, and agrees with it.
 """
 
 from dataclasses import dataclass, field
@@ -109,18 +109,6 @@ def linear_inputs(left, right):
     return np.stack([left, right - left], axis=1)
 
 
-def modal_solution(M, K, rayleigh, B, h, F, q0, q0_t):
-    """Return q (S + 1, n), q_t of the same equation by closed forms of the modes; Rayleigh, degree <= 1."""
-    omega, shapes = _modes(M, K)
-    zeta = (rayleigh[0] / omega + rayleigh[1] * omega) / 2
-    x, v = [shapes.T @ M @ q0], [shapes.T @ M @ q0_t]
-    for length, f in zip(h, F @ (B.T @ shapes), strict=True):
-        new = _linear_step(omega, zeta, length, f, x[-1], v[-1])
-        x.append(new[0])
-        v.append(new[1])
-    return np.array(x) @ shapes.T, np.array(v) @ shapes.T
-
-
 def _modes(M, K):
     """All modes: the low ones from 1/omega^2, as the solver's rounding is relative to its largest eigenvalue."""
     compliance, low = la.eigh(M, K)
@@ -128,16 +116,6 @@ def _modes(M, K):
     omega = 1 / np.sqrt(compliance[::-1])
     take_low = omega < np.sqrt(omega[0] * omega[-1])
     return np.where(take_low, omega, np.sqrt(squares)), np.where(take_low, low[:, ::-1] * omega, high)
-
-
-def _linear_step(omega, zeta, h, f, x, v):
-    slope = f[1] / h / omega**2
-    offset = f[0] / omega**2 - 2 * zeta / omega * slope
-    s, s_t = impulse(omega, zeta, h)
-    s_tt = -2 * zeta * omega * s_t - omega**2 * s
-    x, v = x - offset, v - slope
-    p, p_t = s_t + 2 * zeta * omega * s, s_tt + 2 * zeta * omega * s_t
-    return p * x + s * v + offset + slope * h, p_t * x + s_t * v + slope
 
 
 def impulse(omega, zeta, t):
@@ -150,3 +128,10 @@ def impulse(omega, zeta, t):
     s = np.where(small, np.exp(-a * t) * t * (1 + (g * t) ** 2 / 6), (slow - fast) / (2 * safe))
     c = np.where(small, np.exp(-a * t) * (1 + (g * t) ** 2 / 2), (slow + fast) / 2)
     return s.real, (c - a * s).real
+
+
+def rigid_motions(positions):
+    """Three unit translations and three unit rotations about the origin of nodes, (3 n, 6)."""
+    shifts = [np.broadcast_to(axis, positions.shape) for axis in np.eye(3)]
+    turns = [np.cross(axis, positions) for axis in np.eye(3)]
+    return np.array(shifts + turns).reshape(6, -1).T

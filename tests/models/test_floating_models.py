@@ -8,6 +8,7 @@ from scipy import sparse
 from exudyn_romerr.model.admissible_space import HELD, mean_motion
 from models import floating
 from models.beam3d import STEEL
+from tests.helpers.truth import rigid_motions
 
 LENGTH, WIDTH, HEIGHT = 0.4, 0.04, 0.06  # m, of the bar
 BODIES = ("bar", "bar_fine", "rotor")
@@ -21,13 +22,6 @@ SOLVED = 1e-10
 @pytest.fixture(params=BODIES)
 def fem(request):
     return floating.load_fem(request.param)
-
-
-def rigid_motions(positions):
-    """Three unit translations and three unit rotations about the origin, (3 n, 6)."""
-    shifts = [np.broadcast_to(axis, positions.shape) for axis in np.eye(3)]
-    turns = [np.cross(axis, positions) for axis in np.eye(3)]
-    return np.array(shifts + turns).reshape(6, -1).T
 
 
 def volume(fem):
@@ -217,16 +211,3 @@ def test_rotor_reaches_its_speed_about_a_fixed_axis():
     # The rim goes to the other side, 0.2 m away, and bends by less than a tenth of a millimetre.
     assert np.abs(motion["rim"][:, 2]).max() == pytest.approx(0.2, rel=0.02)
     assert 1e-6 < np.abs(motion["rim local"]).max() < 1e-4
-
-
-@pytest.mark.parametrize("scene", [floating.clamped_bar, floating.pendulum, floating.rotor])
-def test_scenes_are_assembled_when_asked_for(scene):
-    assert scene(assemble=True).mbs.systemIsConsistent
-    assert not scene().mbs.systemIsConsistent
-
-
-@pytest.mark.parametrize("scene", [floating.clamped_bar, floating.pendulum, floating.rotor])
-def test_damping_is_rayleigh(scene):
-    cms = scene(damping=(3.0, 2e-5)).cms
-    expected = 3.0 * cms.massMatrixReduced + 2e-5 * cms.stiffnessMatrixReduced
-    assert cms.dampingMatrixReduced == pytest.approx(expected, rel=MULTIPLIED)

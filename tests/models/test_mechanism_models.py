@@ -8,10 +8,11 @@ import pytest
 from exudyn import itemInterface
 from scipy.integrate import trapezoid
 
-from models import mechanisms
+from models import floating, mechanisms
 from models.mechanisms import CRANK_RADIUS, PISTON_MASS, double_pendulum, slider_crank, sprung_body
 
 SCENES = [double_pendulum, slider_crank, sprung_body]
+EVERY = [*SCENES, floating.clamped_bar, floating.pendulum, floating.rotor]
 LENGTH, MASS = 0.4, 7850.0 * 0.4 * 0.04 * 0.06  # m, kg, of the bar
 # Newton's tolerance of constraints, which are solved at position level in every step.
 CLOSED = 1e-8
@@ -120,13 +121,13 @@ def test_scenes_run_with_every_kind_of_modes(build, kind, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("build", SCENES)
+@pytest.mark.parametrize("build", EVERY)
 def test_scenes_are_assembled_when_asked_for(build):
     assert build(assemble=True).mbs.systemIsConsistent
     assert not build().mbs.systemIsConsistent
 
 
-@pytest.mark.parametrize("build", SCENES)
+@pytest.mark.parametrize("build", EVERY)
 def test_damping_is_rayleigh(build):
     cms = build(damping=(3.0, 2e-5)).cms
     expected = 3.0 * cms.massMatrixReduced + 2e-5 * cms.stiffnessMatrixReduced

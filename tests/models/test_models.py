@@ -64,35 +64,21 @@ def tip_motion(stiffness, load):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_cantilever_bends_as_in_beam_theory(seed):
-    axis, force_axis, turn_axis = random_rotation(seed).T  # axis x force_axis = turn_axis
-    force = 30.0
-    motion = tip_motion(straight(axis)[1], np.hstack([force * force_axis, np.zeros(3)]))
-    deflection = force * LENGTH**3 / (3 * BENDING_STIFFNESS)
-    slope = force * LENGTH**2 / (2 * BENDING_STIFFNESS)
-    assert motion[:3] == pytest.approx(deflection * force_axis, rel=SOLVED, abs=SOLVED * deflection)
-    assert motion[3:] == pytest.approx(slope * turn_axis, rel=SOLVED, abs=SOLVED * slope)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_end_moment_bends_to_a_parabola(seed):
-    axis, side, turn_axis = random_rotation(seed).T
-    moment = 5.0
-    motion = tip_motion(straight(axis)[1], np.hstack([np.zeros(3), moment * turn_axis]))
-    deflection = moment * LENGTH**2 / (2 * BENDING_STIFFNESS)
-    slope = moment * LENGTH / BENDING_STIFFNESS
-    assert motion[:3] == pytest.approx(deflection * side, rel=SOLVED, abs=SOLVED * deflection)
-    assert motion[3:] == pytest.approx(slope * turn_axis, rel=SOLVED, abs=SOLVED * slope)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_axial_and_torsion_stiffness(seed):
-    axis = random_rotation(seed)[:, 0]
-    load = 7.0
-    pull = tip_motion(straight(axis)[1], load * np.hstack([axis, np.zeros(3)]))
-    twist = tip_motion(straight(axis)[1], load * np.hstack([np.zeros(3), axis]))
-    assert axis @ pull[:3] == pytest.approx(load * LENGTH / AXIAL_STIFFNESS, rel=SOLVED)
-    assert axis @ twist[3:] == pytest.approx(load * LENGTH / TORSION_STIFFNESS, rel=SOLVED)
+def test_cantilever_bends_stretches_and_twists_as_in_beam_theory(seed):
+    """Under a force across, a moment about the axis across that, a pull, and a torque."""
+    axis, side, turn_axis = random_rotation(seed).T  # axis x side = turn_axis
+    stiffness, zero = straight(axis)[1], np.zeros(3)
+    for load, deflection, slope in (
+        (np.hstack([30.0 * side, zero]), 30.0 * LENGTH**3 / 3, 30.0 * LENGTH**2 / 2),
+        (np.hstack([zero, 5.0 * turn_axis]), 5.0 * LENGTH**2 / 2, 5.0 * LENGTH),
+    ):
+        motion = tip_motion(stiffness, load)
+        deflection, slope = deflection / BENDING_STIFFNESS, slope / BENDING_STIFFNESS
+        assert motion[:3] == pytest.approx(deflection * side, rel=SOLVED, abs=SOLVED * deflection)
+        assert motion[3:] == pytest.approx(slope * turn_axis, rel=SOLVED, abs=SOLVED * slope)
+    pull, twist = (tip_motion(stiffness, 7.0 * x) for x in (np.hstack([axis, zero]), np.hstack([zero, axis])))
+    assert axis @ pull[:3] == pytest.approx(7.0 * LENGTH / AXIAL_STIFFNESS, rel=SOLVED)
+    assert axis @ twist[3:] == pytest.approx(7.0 * LENGTH / TORSION_STIFFNESS, rel=SOLVED)
 
 
 def test_rigid_translation_has_the_energy_of_the_total_mass():
@@ -215,20 +201,13 @@ def test_linkage_damping(spectrum):
     assert zeta[-1] == pytest.approx(2.92, rel=0, abs=0.005)
 
 
-def test_linkage_hump_constant(spectrum):
-    omega, zeta = spectrum
-    hump = omega * peak_decay(omega, zeta)
-    assert hump.max() == pytest.approx(4.34920e4, rel=0, abs=0.05)
-    assert hump.argmax() == 113
-
-
-def test_linkage_position_constant(spectrum):
-    omega, zeta = spectrum
-    assert np.max(peak_decay(omega, zeta) / omega) == pytest.approx(0.0196001, rel=0, abs=5e-8)
-
-
-def test_linkage_output_constant(free_linkage):
-    mass, _, row = free_linkage
+def test_linkage_constants(spectrum, free_linkage):
+    """C1, C12 and C2 of the paper."""
+    (omega, zeta), (mass, _, row) = spectrum, free_linkage
+    decay = peak_decay(omega, zeta)
+    assert np.max(omega * decay) == pytest.approx(4.34920e4, rel=0, abs=0.05)
+    assert np.argmax(omega * decay) == 113
+    assert np.max(decay / omega) == pytest.approx(0.0196001, rel=0, abs=5e-8)
     constant = np.sqrt(row @ linalg.solve(mass, row, assume_a="pos"))
     assert constant == pytest.approx(6.9151, rel=0, abs=5e-5)
 

@@ -12,6 +12,7 @@ from examples import wishbone_suspension
 from models import floating, solid_bar, wishbone
 from models.beam3d import STEEL
 from models.wishbone import INTERFACES, TYRE_STIFFNESS, WHEEL_LOAD
+from tests.helpers.truth import rigid_motions
 
 STEP, END = 1e-3, 0.04  # s
 BUSHES = INTERFACES[:2]
@@ -29,11 +30,6 @@ def arm():
     """Nodes, M, K."""
     fem = wishbone.load_fem()
     return fem.GetNodePositionsAsArray(), fem.GetMassMatrix(sparse=True), fem.GetStiffnessMatrix(sparse=True)
-
-
-def rigid_motions(nodes):
-    turns = [np.cross(unit, nodes).ravel() for unit in np.eye(3)]
-    return np.column_stack([np.tile(np.eye(3), (len(nodes), 1)), *turns])
 
 
 @cache

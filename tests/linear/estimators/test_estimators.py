@@ -8,7 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.polynomial import polynomial as poly
 
-from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, load_report, modal_basis
+from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, modal_basis
 from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
 from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
@@ -234,15 +234,3 @@ def test_causes_sum_to_best_and_the_corrected_output_is_as_close_as_it_says(load
         assert np.all(out.corrected_bound <= out.bound["auxiliary"] + floor)
     assert (np.max(report.output("y").causes["initial"]) > 0) == start
     assert (np.max(report.output("y").causes["jumps"]) > 0) == bool(u.jumps)
-
-
-def test_reports_keep_the_new_fields(tmp_path):
-    report = _evaluate(model("chain", "under", 7))
-    report.save(tmp_path / "run.npz")
-    again, before = load_report(tmp_path / "run.npz").output("y"), report.output("y")
-    for name in ("corrected", "corrected_bound"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(before, name))
-    for name in ("bound", "reduction_bound", "causes"):
-        assert list(getattr(again, name)) == list(getattr(before, name))
-        for key, x in getattr(before, name).items():
-            np.testing.assert_array_equal(getattr(again, name)[key], x)

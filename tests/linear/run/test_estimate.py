@@ -80,8 +80,14 @@ def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
     run[0].save(tmp_path / "run.npz")
     loaded = romerr.load_report(tmp_path / "run.npz")
     for name, out in run[0].outputs.items():
-        assert loaded.output(name).estimate_scope == "complete"
-        np.testing.assert_array_equal(loaded.output(name).estimate, out.estimate)
+        again = loaded.output(name)
+        assert again.estimate_scope == "complete"
+        for field in ("estimate", "corrected", "corrected_bound"):
+            np.testing.assert_array_equal(getattr(again, field), getattr(out, field))
+        for field in ("bound", "reduction_bound", "causes"):
+            kept, before = getattr(again, field), getattr(out, field)
+            assert list(kept) == list(before)
+            assert all(np.array_equal(kept[key], x) for key, x in before.items())
 
 
 def test_correction_is_the_estimate(run):
