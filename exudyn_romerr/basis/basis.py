@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -17,9 +18,6 @@ from ..linalg.orthogonalise import DEFLATION, m_orthonormal
 from ..linalg.symmetric_factor import SymmetricFactor, solve_with
 from ..model.body import ElasticBody
 from ..model.matrix_checks import checked_inputs
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 DEPENDENT = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
 PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them

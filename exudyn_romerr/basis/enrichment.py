@@ -8,19 +8,14 @@ interfaces, and what their deformation adds. Vectors are made of one part each, 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ..errors import AssumptionError
 from ..linalg.orthogonalise import orthonormal, without
-
-if TYPE_CHECKING:
-    import scipy.sparse as sp
-
-    from ..linalg.symmetric_factor import SubspaceFactor, SymmetricFactor
-    from ..model.body import ElasticBody
+from ..linalg.symmetric_factor import SubspaceFactor, SymmetricFactor
+from ..model.body import ElasticBody
 
 NEW_SHARE = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
 MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..model.solid_elements import NODES
 from .fe_data import Matrix, Mesh, symmetric
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WORD = 4  # bytes, that a file is counted in
 FIELDS = 10  # of an element before its nodes

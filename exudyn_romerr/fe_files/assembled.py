@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,9 +14,6 @@ from ..model.solid_elements import NODES
 from .fe_data import Matrix, Mesh
 from .fe_model import FEModel
 from .matrix_files import HELD
-
-if TYPE_CHECKING:
-    from typing import Any
 
 STRAINED = 1e-6  # |K R| of rigid motions R, of the size of its terms: files have 7 digits at least
 NAMES_ROWS = {  # by the program that wrote the matrices: what names their rows

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,11 +18,6 @@ from ..model.body import ElasticBody
 from ..model.matrix_checks import check_not_swapped
 from ..model.solid_elements import NODES
 from ..report.formats.atomic_write import write_whole
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-    from pathlib import Path
 
 MATRICES = ("mass", "stiffness")
 SAVED = "exudyn_romerr body"  # how our own files begin

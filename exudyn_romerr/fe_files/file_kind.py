@@ -5,14 +5,12 @@ from __future__ import annotations
 import gzip
 import os
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HEAD = 1 << 16  # bytes that are looked at
 ENDINGS = {

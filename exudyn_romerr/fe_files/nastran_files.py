@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
 from .fe_data import Matrix, Mesh, symmetric
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TYPES = {
     "ctetra": {4: "Tet4", 10: "Tet10"},

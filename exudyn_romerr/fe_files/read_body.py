@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import InputError
 from .abaqus_input import read_input
@@ -16,9 +17,6 @@ from .fe_model import FEModel, read_saved
 from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, NASTRAN, known_kind, not_known
 from .matrix_files import OF_CALCULIX, read_matrix
 from .nastran_files import read_bulk, read_nastran
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 ANSYS_MESHES = (".cdb", ".rst")
 OF_ABAQUS = {"stiffness": "STIF", "mass": "MASS"}  # in the names of its files

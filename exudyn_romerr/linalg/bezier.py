@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import comb
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..compiled.loops import loops
 from .blocked_products import combined
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 DEGREE = 5
 NODES = np.arange(DEGREE + 1) / DEGREE  # where a function is interpolated

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Callable
 from functools import cached_property
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,9 +17,6 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from .blocked_products import by_columns
 from .pardiso import PardisoFactor, count_negative_pivots, enough_memory, pardiso_solve
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
 MANY = 30_000  # coordinates whose factorisation takes longer than a user likes to wait

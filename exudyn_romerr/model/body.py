@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,9 +31,6 @@ from .matrix_checks import (
     checked_rayleigh,
     precision,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are prohibitive
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,12 +12,7 @@ import scipy.sparse as sp
 from ..checks import check_array, check_finite, check_numbers, real_array
 from ..errors import AssumptionError, InputError
 from ..linalg.eigenmodes import count_below
-from ..linalg.symmetric_factor import SINGULAR_PIVOT, idle_motion, negative_eigenvalues
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, idle_motion, negative_eigenvalues
 
 DOUBLE, SINGLE = float(np.finfo(float).eps), float(np.finfo(np.float32).eps)
 WITH_DATA = ("csc", "csr", "coo", "bsr")  # formats of sparse matrices whose numbers are in one array

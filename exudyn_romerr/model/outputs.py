@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..checks import check_array, check_choice, check_nodes, real_array
 from ..errors import InputError
 from .admissible_space import mean_motion
-from .floating_frame import FrameMotion, skew
+from .body import ElasticBody
+from .floating_frame import FrameMotion, FramePose, skew
 from .solid_elements import STRAINS, strain_rows
-
-if TYPE_CHECKING:
-    from .body import ElasticBody
-    from .floating_frame import FramePose
 
 AXES = "xyz"
 

@@ -6,8 +6,9 @@ as the fem is there. What counts is the numbers, not where they come from: a fem
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from hashlib import blake2b
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,10 +18,7 @@ from ..linalg.symmetric_factor import MANY
 from .admissible_space import MassOrthogonal, MeanMotion
 from .body import ElasticBody
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    Made = TypeVar("Made")
+Made = TypeVar("Made")
 
 # what bodies that something still holds were made of: two bodies of one fem, or scenes of a study one after the other
 _MADE: WeakKeyDictionary[ElasticBody, tuple[bytes, tuple[float, float]]] = WeakKeyDictionary()

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ...linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
+from ..residual.problem import Problem
 from ..residual.segments import Block, Start
 from .bounds import Bounds
 from .energy import Energy, smallest
-
-if TYPE_CHECKING:
-    from ..residual.problem import Problem
 
 EPS = np.finfo(float).eps
 

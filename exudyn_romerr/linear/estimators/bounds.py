@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ...model.outputs import View
-    from ..residual.segments import Block, Start
+from ...model.outputs import View
+from ..residual.segments import Block, Start
 
 
 @dataclass(frozen=True)

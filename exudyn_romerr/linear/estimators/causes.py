@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from functools import reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from .bounds import Bounds
+from .bounds import Bounds
 
 RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
 CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")

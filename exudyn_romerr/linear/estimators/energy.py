@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...linalg.blocked_products import decaying_sums
+from ...model.body import ElasticBody
 from ..residual.decay_rates import DecayRate, body_rates
+from ..residual.dual_norms import DualNorms, OutputNorms
+from ..residual.problem import Problem
 from ..residual.segments import Block, Start
 from .bounds import Bounds, times
-
-if TYPE_CHECKING:
-    from ...model.body import ElasticBody
-    from ..residual.dual_norms import DualNorms, OutputNorms
-    from ..residual.problem import Problem
 
 
 class Energy:

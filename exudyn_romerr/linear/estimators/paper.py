@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...linalg import oscillator
 from ...linalg.blocked_products import decaying_sums
 from ..residual.kernels import LagTable
+from ..residual.problem import Problem
 from ..residual.segments import Block, Start
 from .bounds import Bounds, times
-
-if TYPE_CHECKING:
-    from ..residual.problem import Problem
 
 
 class MassNormEstimator:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...model.body import ElasticBody
 from ...model.matrix_checks import DOUBLE
-
-if TYPE_CHECKING:
-    from ...model.body import ElasticBody
-    from ..residual.problem import Problem
-    from ..residual.samples import Samples
+from ..residual.problem import Problem
+from ..residual.samples import Samples
 
 
 class Rounded(NamedTuple):

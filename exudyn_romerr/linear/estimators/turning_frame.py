@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...linalg.blocked_products import decaying_sums
 from ..residual.decay_rates import body_rates
+from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds
+from .bounds import Bounds, Estimator
 from .energy import output_share, smallest
-
-if TYPE_CHECKING:
-    from ..residual.problem import Problem
-    from .bounds import Estimator
 
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
 

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from ...linalg.eigenmodes import GAP, lowest_modes, starts
+from ...linalg.eigenmodes import GAP, ModalDamping, lowest_modes, starts
 from ...linalg.oscillator import largest_decay_rate
 from ...linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
-
-if TYPE_CHECKING:
-    import scipy.sparse as sp
-
-    from ...linalg.eigenmodes import ModalDamping
-    from ...model.body import ElasticBody
+from ...model.body import ElasticBody
 
 SHARES = (0.0, 0.5, 0.9)  # of the largest admissible rate: 0 is best for short runs, 0.9 for long ones
 HALVINGS = 8  # tries to find an admissible rate of a general damping matrix

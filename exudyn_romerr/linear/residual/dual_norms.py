@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...linalg.blocked_products import by_columns
-from .residual import StartNorms, make_norm
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from ...model.body import ElasticBody
-    from .residual import ResidualMap
+from ...model.body import ElasticBody
+from .residual import ResidualMap, StartNorms, make_norm
 
 
 class DualNorms:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...linalg.symmetric_factor import SubspaceFactor
+from ...model.admissible_space import Space
+from ...model.body import ElasticBody
 from ...model.shared_body import made_once
-
-if TYPE_CHECKING:
-    from ...model.admissible_space import Space
-    from ...model.body import ElasticBody
-    from .problem import Problem
+from .problem import Problem
 
 _RESPONSES: WeakKeyDictionary[Space, tuple[ElasticBody, np.ndarray, np.ndarray]] = WeakKeyDictionary()
 

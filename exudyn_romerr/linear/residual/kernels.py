@@ -5,16 +5,12 @@ Every kernel has the contract of `Kernel`; a `LagTable` has its maxima over lag 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...checks import check_choice
 from ...errors import AssumptionError
 from ...linalg import oscillator
-
-if TYPE_CHECKING:
-    from ...model.body import ElasticBody
+from ...model.body import ElasticBody
 
 KERNELS = ("certified", "spectrum", "envelope")
 CELLS_PER_RADIAN = 32  # of the first mode: rounding a lag interval outwards costs about 1/32 of the kernel's peak

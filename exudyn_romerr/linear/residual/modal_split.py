@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -11,11 +10,9 @@ import scipy.linalg as la
 from ...checks import check_count
 from ...linalg.eigenmodes import count_below
 from ...linalg.orthogonalise import without
+from ...model.body import ElasticBody
 from .decay_rates import DecayRate, rayleigh_rates
 from .dual_norms import DualNorms, OutputNorms
-
-if TYPE_CHECKING:
-    from ...model.body import ElasticBody
 
 AUTO_SHARE = 0.05  # of |C|_{K^-1} that may be left above the auxiliary modes
 AUTO_CAP = 60  # modes, where the reduced body rings in no more

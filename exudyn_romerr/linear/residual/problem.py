@@ -6,9 +6,10 @@ Estimators take small matrices from a Problem when they are built; nothing of it
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,6 @@ from .dual_norms import DualNorms, OutputNorms
 from .kernels import KERNELS, Kernel, make_kernel
 from .modal_split import AuxiliaryModes, Split
 from .residual import RESIDUALS, ResidualMap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 
 class Deferred(NamedTuple):

@@ -6,8 +6,8 @@ step, a twice differentiable trajectory whose residual holds the error of the ti
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,15 +22,10 @@ from ...linalg.bezier import (
     subdivided,
 )
 from ...linalg.blocked_products import norms_times
-from .samples import piece_ends, without_empty
+from .input_signal import InputSignal
+from .residual import Coordinates
+from .samples import Jump, Samples, piece_ends, without_empty
 from .segments import Block
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from .input_signal import InputSignal
-    from .residual import Coordinates
-    from .samples import Jump, Samples
 
 SAFETY = 6.0  # what lies between the checks may be larger: a single kink at its worst place 2.6 times
 SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at

@@ -5,21 +5,18 @@ Sign and equations: paper (2), (15), (33)-(35); the orthonormal factor: theory.m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from ...basis.basis import Basis
 from ...checks import check_array, check_choice
 from ...linalg.blocked_products import norms_times, polygon_lengths, row_norms, rows_times
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from ...basis.basis import Basis
-    from ...model.body import ElasticBody
+from ...model.body import ElasticBody
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...checks import check_finite
 from ...errors import InputError
+from .input_signal import InputSignal
 from .segments import Block
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .input_signal import InputSignal
 
 SAME_TIMES = 1e-9  # of the span: instants this close are one; solvers add up their steps, to 1e-12 of it
 SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solvers add up their steps

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...basis.basis import Basis
 from ...checks import check_array, check_type, real_array
 from ...errors import InputError
+from ...model.body import ElasticBody
 from ...model.matrix_checks import precision
+from ...model.outputs import Output
 from ...process.blas_threads import one_thread
+from ...report.report import BoundReport
 from .prepare import BoundOptions, prepare
 from .run import BLOCK, Run
-
-if TYPE_CHECKING:
-    from ...basis.basis import Basis
-    from ...model.body import ElasticBody
-    from ...model.outputs import Output
-    from ...report.report import BoundReport
 
 
 @dataclass

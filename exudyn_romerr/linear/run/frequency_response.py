@@ -6,13 +6,16 @@ Modes of the full body answer to the residual, and the rest is bounded.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...basis.basis import Basis
 from ...checks import check_array, check_type, real_array
 from ...errors import InputError
 from ...linalg.eigenmodes import GAP, count_below
@@ -25,12 +28,6 @@ from ..residual.decay_rates import is_symmetric, smallest_rate
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP, NormsAbove
 from ..residual.problem import BoundOptions, Problem
 from ..residual.residual import OrthonormalNorm
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable
-
-    from ...basis.basis import Basis
 
 ABOVE = 2.0  # times the highest frequency: what modes that ring there or below answer is known with its phase
 RINGING = "the reduced body is in resonance: it has no response"

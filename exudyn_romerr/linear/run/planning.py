@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
+from ...model.body import ElasticBody
 from ...report.data import Plan
+from ...report.scope import Scene
 from ..estimators import ESTIMATORS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ...model.body import ElasticBody
-    from ...report.scope import Scene
-    from ..residual.problem import BoundOptions, Problem
+from ..residual.problem import BoundOptions, Problem
 
 
 def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Plan:

@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...basis.basis import Basis
 from ...checks import check_array, check_choice, check_finite
 from ...errors import AssumptionError, InputError
 from ...linalg.blocked_products import row_norms
+from ...model.body import ElasticBody
 from ...model.matrix_checks import DOUBLE
 from ...model.outputs import View, stacked_rows
 from ...model.shared_body import made_once
 from ...progress import progress
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS
+from ..estimators.bounds import Worst
 from ..estimators.energy import StaticError
 from ..estimators.round_off import RoundOff, of_input
 from ..estimators.turning_frame import Turning
 from ..residual.input_signal import InputSignal
 from ..residual.interface_stiffening import static_errors
 from ..residual.problem import BoundOptions, Deferred, Problem, checked_outputs
+from ..residual.segments import Start
 from .planning import make_plan
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from ...basis.basis import Basis
-    from ...model.body import ElasticBody
-    from ..estimators.bounds import Worst
-    from ..residual.segments import Start
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...linalg.blocked_products import norms_times
+from ...model.outputs import Output, View
 from ...report.data import NodeFields
 from ...report.scope import SMOOTHLY, Doubt
-from ..estimators.bounds import of_output
+from ..estimators.bounds import Bounds, of_output
+from ..estimators.round_off import Rounded
+from ..residual.reconstruction import Quintic
 from ..residual.samples import GrowingArray, Samples
 from .balance import Balance, SolverFacts
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from ...model.outputs import Output, View
-    from ..estimators.bounds import Bounds
-    from ..estimators.round_off import Rounded
-    from ..residual.reconstruction import Quintic
-    from .prepare import Offline
-    from .stream import Stream
+from .prepare import Offline
+from .stream import Stream
 
 
 class Internal(NamedTuple):

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import RunError
+from ...report.report import BoundReport
 from ...report.scope import Reason
 from ..residual.reconstruction import Linear, Quintic, Segmenter
 from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
 from ..residual.segments import Start, turn_of
 from .balance import UNKNOWN, SolverFacts
+from .prepare import Offline
 from .record import Internal, RunRecord
 from .stream import Stream
 from .summary import assemble, output_reports
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ...report.report import BoundReport
-    from .prepare import Offline
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..estimators.bounds import Bounds, Worst
+from ..estimators.bounds import Bounds, Estimator, Worst
 from ..residual.samples import GrowingArray
 from ..residual.segments import Block, Start
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from ..estimators.bounds import Estimator
 
 
 class KeptBounds:

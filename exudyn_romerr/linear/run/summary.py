@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...model.outputs import Output, View
 from ...report.data import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts
 from ...report.wording import NO_OUTPUTS
-from ..estimators.bounds import of_output
+from ..estimators.bounds import Bounds, of_output
 from ..estimators.causes import estimated
 from ..residual.interface_stiffening import interface_share
 from ..residual.reconstruction import ROUNDING_SHARE
-
-if TYPE_CHECKING:
-    from ...model.outputs import Output, View
-    from ..estimators.bounds import Bounds
-    from .prepare import Offline
-    from .record import RunRecord
+from .prepare import Offline
+from .record import RunRecord
 
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
