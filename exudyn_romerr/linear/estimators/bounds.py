@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from ...model.outputs import View
-from ..residual.segments import Block, Start
+from ..residual.dual_norms import OutputNorms
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Worst(NamedTuple):
     widened: float
 
 
-class Estimator(Protocol):
+class Estimator:
     """Bounds of the error of one trajectory, segment by segment.
 
     1. It is made from a Problem, once: full-size work is done there, small arrays are kept.
@@ -72,6 +72,9 @@ class Estimator(Protocol):
        is given to another, made from the same problem with other displacements as outputs. It is asked for once after
        start and each advance, is small, and no view of what was made for a block: that is let go with the block.
 
+    start(Start) and advance(Block) return the Bounds at the first instant, and at the ends of a block's segments, by
+    _bounds, which keeps what it is given.
+
     Attributes
     ----------
     assumes : what must hold of body and mechanism, for reports. inside : the largest |e|_M and |e'|_M (2, S) within
@@ -79,19 +82,35 @@ class Estimator(Protocol):
     """
 
     assumes: str
-    inside: tuple[np.ndarray, np.ndarray] | None
-
-    def start(self, start: Start) -> Bounds:
-        """Begin a run; return the bounds at its first instant."""
-
-    def advance(self, block: Block) -> Bounds:
-        """Go on by one block; return the bounds at the ends of its segments."""
+    inside: tuple[np.ndarray, np.ndarray] | None = None
+    _given: tuple[np.ndarray, ...] = ()  # what _bounds was given last, one row an instant, or one for all
 
     def instant(self, i: int) -> tuple:
         """Return what bounds displacements at entry i of the bounds returned last."""
+        given, self._given = self._given, ()
+        return tuple(x[slice(i, i + 1) if len(x) > 1 else slice(1)].copy() for x in given)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
+
+
+class OutputSizes(NamedTuple):
+    """|C|_{K^-1} and |C|_{M^-1} (R,) of output rows, and which of them are velocities."""
+
+    C_K: np.ndarray
+    C_M: np.ndarray
+    velocity_rows: np.ndarray
+
+    @classmethod
+    def of(cls, rows: OutputNorms) -> OutputSizes:
+        """Take them of norms of the rows."""
+        return cls(rows.C_K, rows.C_M, rows.velocity_rows)
+
+    def share(self, d_K: np.ndarray, v_M: np.ndarray) -> np.ndarray:
+        """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows, (S, R)."""
+        share, velocity = times(d_K, self.C_K), self.velocity_rows
+        return np.where(velocity, times(v_M, self.C_M), share) if velocity.any() else share
 
 
 def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:

@@ -12,10 +12,10 @@ from ..residual.decay_rates import DecayRate, body_rates
 from ..residual.dual_norms import DualNorms, OutputNorms
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, times
+from .bounds import Bounds, Estimator, OutputSizes
 
 
-class Energy:
+class Energy(Estimator):
     """|e + K^-1 R|_K <= g and |e'|_M <= g, with g growing by the total variation of R in the K^-1 norm.
 
         |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
@@ -26,7 +26,6 @@ class Energy:
 
     name = "energy"
     assumes = "dissipative damping"
-    inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
         self._take(problem, problem.dual, body_rates(problem.body), problem.rows)
@@ -36,15 +35,14 @@ class Energy:
         self.rates, self.smooth = rates, Smooth.of(problem.body, rates)
         self.bounds = [*rates, *([] if self.smooth is None else [self.smooth.bound])]  # what follows from rows of g
         self.norm, self.norm_static, self.start_norms = norms.norm_K, norms.norm_static, norms.start_norms
-        self.static_rows, self.C_K, self.C_M = rows.static_rows, rows.C_K, rows.C_M
-        self.velocity_rows = rows.velocity_rows
+        self.static_rows, self.sizes = rows.static_rows, OutputSizes.of(rows)
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         return self._bounds(*self._started(start))
 
     def _started(self, start: Start) -> tuple[np.ndarray, ...]:
-        """Begin g; return z (1, k), |K^-1 R|_M (1,), g and g_jump (rows, 1).
+        """Begin g; return z (1, k), |K^-1 R|_M (1,), g and g_jump (1, rows).
 
         g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 <= |e0'|_M^2 + 2 r |e0'|_M |d0|_M + |d0|_K^2 since K_r <= K - r^2 M,
         with K d0 = L (y0 + z0).
@@ -59,7 +57,7 @@ class Energy:
             g = np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * r * d_M)))
         self.g, self.g_jump, self.before = g, np.zeros(len(g)), start.z
         self.smooth = None if self.smooth is None else Smooth(self.smooth.bound, float(g[-1]))
-        return start.z[None], self.norm_static(start.z[None]), g[:, None], self.g_jump[:, None]
+        return start.z[None], self.norm_static(start.z[None]), g[None], self.g_jump[None]
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -67,7 +65,7 @@ class Energy:
         if inside is not None:
             static, d_M, v_M = inside
             self.inside = static + d_M, v_M
-        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g, g_jump)
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g.T, g_jump.T)
 
     def _grown(self, block: Block) -> tuple[np.ndarray, np.ndarray, tuple | None]:
         """Let g grow; return g and g_jump (rows, S) at the ends of segments.
@@ -94,33 +92,22 @@ class Energy:
         start = np.hstack([self.g[: len(g), None], g[:, :-1]])
         return np.maximum(static[:-1], static[1:]) + per_mass * varied, *smallest(self.rates, start + varied)[1:]
 
-    def instant(self, i: int) -> tuple:
-        """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, g, g_jump, *own), self._given = self._given, None
-        at = slice(i, i + 1)
-        own = (x[at if len(x) > 1 else slice(1)] for x in own)
-        return tuple(x.copy() for x in (z[at], static[at], g[:, at], g_jump[:, at], *own))
-
-    def bounds_at(self, instant: tuple) -> Bounds:
-        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant)
-
     def _bounds(self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
-        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (rows, S)."""
+        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (S, rows)."""
         self._given = z, static, g, g_jump
-        _, d_M, v_M = rest = smallest(self.bounds, g)
+        d_K, d_M, v_M = smallest(self.bounds, g.T)
         known = np.abs(z @ self.static_rows.T)
-        return Bounds(static + d_M, v_M, known + self._share(rest), self._jumped(g_jump))
-
-    def _share(self, rest: np.ndarray) -> np.ndarray:
-        return output_share(rest, self.C_K, self.C_M, self.velocity_rows)
+        return Bounds(static + d_M, v_M, known + self.sizes.share(d_K, v_M), self._jumped(g_jump))
 
     def _jumped(self, g_jump: np.ndarray) -> np.ndarray | None:
         """What load jumps made of the bounds of outputs; None: there were none."""
-        return self._share(smallest(self.bounds, g_jump)) if g_jump.any() else None
+        if not g_jump.any():
+            return None
+        d_K, _, v_M = smallest(self.bounds, g_jump.T)
+        return self.sizes.share(d_K, v_M)
 
 
-class StaticError:
+class StaticError(Estimator):
     """|C e| = |C K^-1 R| and |e|_M = |K^-1 R|_M, exact; velocities are zero."""
 
     assumes = "static equilibrium at every load step (exact, no estimate)"
@@ -131,21 +118,15 @@ class StaticError:
 
     def start(self, start: Start) -> Bounds:
         """Return the errors at the first load step."""
-        return self.bounds_at((start.z[None],))
+        return self._bounds(start.z[None])
 
     def advance(self, block: Block) -> Bounds:
         """Return the errors at further load steps."""
-        return self.bounds_at((block.c[:, -1],))
+        return self._bounds(block.c[:, -1])
 
-    def instant(self, i: int) -> tuple:
-        """Return z at entry i of the errors returned last."""
-        return (self._z[i : i + 1].copy(),)
-
-    def bounds_at(self, instant: tuple) -> Bounds:
-        """Return the errors at load steps z (S, k), those of another object with other outputs, say."""
-        (self._z,) = instant
-        known = -(self._z @ self.rows.T)
-        return Bounds(self.norm(self._z), np.zeros(len(known)), np.abs(known), None, known, np.zeros_like(known))
+    def _bounds(self, z: np.ndarray) -> Bounds:
+        self._given, known = (z,), -(z @ self.rows.T)
+        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(known), None, known, np.zeros_like(known))
 
 
 class Smooth:
@@ -202,10 +183,3 @@ def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:
         return np.zeros((3, g.shape[1]))
     factors = np.array([(rate.c, rate.per_mass, rate.velocity) for rate in rates])
     return np.min(factors[:, :, None] * g[:, None, :], axis=0)
-
-
-def output_share(rest: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
-    """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R); rest (3, S): see `smallest`."""
-    d_K, _, v_M = rest
-    share = times(d_K, C_K)
-    return np.where(velocity_rows, times(v_M, C_M), share) if velocity_rows.any() else share

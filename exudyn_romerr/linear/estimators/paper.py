@@ -9,10 +9,10 @@ from ...linalg.blocked_products import decaying_sums
 from ..residual.kernels import LagTable
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, times
+from .bounds import Bounds, Estimator, times
 
 
-class MassNormEstimator:
+class MassNormEstimator(Estimator):
     """Shared part of the estimators that bound |e|_M by the integral of |R|_{M^-1} (paper, section 4).
 
     _state_bounds(t, integral, block) : their bounds of |e|_M and |e'|_M after times t (S,) from the start, with
@@ -21,7 +21,6 @@ class MassNormEstimator:
     """
 
     name: str
-    inside = None
 
     def __init__(self, problem: Problem):
         self.norm = problem.dual.norm_M
@@ -35,26 +34,18 @@ class MassNormEstimator:
         if start.y0 is not None:
             norms = self._start_norms
             self.initial = float(norms.static(start.y0)), float(norms.K(start.y0)), float(norms.M(start.y0_t))
-        return self._bounds(np.array([start.t]), np.zeros(1), None)
+        return self._bounds(*self._state_bounds(np.zeros(1), np.zeros(1), None))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         total = self.integral + np.cumsum(block.integral(self.norm))
         self.integral = float(total[-1])
-        return self._bounds(block.t, total, block)
+        return self._bounds(*self._state_bounds(block.t - self.t0, total, block))
 
-    def _bounds(self, t: np.ndarray, integral: np.ndarray, block: Block | None) -> Bounds:
-        self._position, velocity = self._state_bounds(t - self.t0, integral, block)
-        outputs = np.where(self.velocity_rows, times(velocity, self.C2), times(self._position, self.C2))
-        return Bounds(self._position, velocity, outputs)
-
-    def instant(self, i: int) -> tuple:
-        """Return what bounds displacements at entry i of the bounds returned last."""
-        return (self._position[i],)
-
-    def bounds_at(self, instant: tuple) -> Bounds:
-        """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
-        return Bounds(None, None, times(np.array(instant), self.C2))
+    def _bounds(self, position: np.ndarray, velocity: np.ndarray) -> Bounds:
+        self._given = position, velocity
+        outputs = np.where(self.velocity_rows, times(velocity, self.C2), times(position, self.C2))
+        return Bounds(position, velocity, outputs)
 
 
 class StateSpace(MassNormEstimator):

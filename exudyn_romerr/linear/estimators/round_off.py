@@ -11,6 +11,7 @@ from ...model.body import ElasticBody
 from ...model.matrix_checks import DOUBLE
 from ..residual.problem import Problem
 from ..residual.samples import Samples
+from .bounds import OutputSizes
 
 
 class Rounded(NamedTuple):
@@ -48,7 +49,7 @@ class RoundOff:
     """
 
     def __init__(self, problem: Problem, eps: dict[str, Any]):
-        self.velocity_rows, self.per_mass = problem.rows.velocity_rows, 1 / problem.body.modes(1).omega[0]
+        self.per_mass = 1 / problem.body.modes(1).omega[0]
         self.eps_K = eps["stiffness"]
         body, V = problem.body, np.abs(problem.V)
         norm, KV = body.stiffness_factor.half_solve, abs(body.K) @ V
@@ -64,7 +65,7 @@ class RoundOff:
             ("u", eps["inputs"], lambda: abs(problem.B)),
         )
         self.others = [(x, e, np.linalg.norm(norm(make()), axis=0)) for x, e, make in others if e > DOUBLE]
-        self.constants = np.where(problem.rows.velocity_rows, problem.rows.C_M, problem.rows.C_K)
+        self.sizes = OutputSizes.of(problem.rows)
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.rows.C @ problem.V)
 
     def of_equilibrium(self, u: np.ndarray) -> np.ndarray:
@@ -81,8 +82,8 @@ class RoundOff:
         r = self.eps_K * np.maximum(q @ self.of_K, own)
         for name, eps, sizes in self.others:
             r += eps * (np.abs(getattr(at, name)) @ sizes)
-        values = np.where(self.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
-        return Rounded(r * self.per_mass, r, np.outer(r, self.constants) + values)
+        values = np.where(self.sizes.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
+        return Rounded(r * self.per_mass, r, self.sizes.share(r, r) + values)
 
     def in_balance(self, q: np.ndarray) -> float:
         """Return what rounding leaves of W^T R = 0 at most, in any mode, at samples q (S, n)."""

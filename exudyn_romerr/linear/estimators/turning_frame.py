@@ -10,13 +10,13 @@ from ...linalg.blocked_products import decaying_sums
 from ..residual.decay_rates import body_rates
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, Estimator
-from .energy import output_share, smallest
+from .bounds import Bounds, Estimator, OutputSizes
+from .energy import smallest
 
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
 
 
-class Turning:
+class Turning(Estimator):
     """Bounds in a turning frame: M e'' + (D + 2 M w~) e' + (K + M S) e = -R, S = al~ + w~ w~.
 
     e = e_a + e_b: e_a as if the frame did not turn, bounded by the estimator; e_b is driven by
@@ -29,8 +29,6 @@ class Turning:
     and e_b is bounded by g / (1 - |w|^2 / kappa_r)^(1/2) as d is by g in estimator "energy".
     """
 
-    inside = None  # not asked for twice
-
     def __init__(self, estimator: Estimator, problem: Problem):
         self.estimator = estimator
         self.assumes = estimator.assumes
@@ -38,11 +36,7 @@ class Turning:
         self._r, self._per_mass = (
             np.array(x)[:, None] for x in zip(*((e.r, e.per_mass) for e in self.rates), strict=True)
         )
-        self.C_K, self.C_M, self.velocity_rows = (
-            problem.rows.C_K,
-            problem.rows.C_M,
-            problem.rows.velocity_rows,
-        )
+        self.sizes = OutputSizes.of(problem.rows)
         self.g = [0.0] * len(self.rates)
 
     def __copy__(self) -> Turning:
@@ -70,9 +64,8 @@ class Turning:
         self.g = g[:, -1].tolist()
         with np.errstate(over="ignore"):  # inf is the right answer there
             self._seen = seen = g / np.sqrt(left)
-            _, d_M, v_M = rest = smallest(self.rates, seen)
-            share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
-        return bounds.widened(d_M, v_M, share)
+            d_K, d_M, v_M = smallest(self.rates, seen)
+            return bounds.widened(d_M, v_M, self.sizes.share(d_K, v_M))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -81,8 +74,8 @@ class Turning:
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         inner, seen = instant
-        share = output_share(smallest(self.rates, seen), self.C_K, self.C_M, self.velocity_rows)
-        return self.estimator.bounds_at(inner).widened(0.0, 0.0, share)
+        d_K, d_M, v_M = smallest(self.rates, seen)
+        return self.estimator.bounds_at(inner).widened(d_M, v_M, self.sizes.share(d_K, v_M))
 
     def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
         """|F|_{M^-1} (S,), its largest value in every segment."""
