@@ -35,6 +35,9 @@ def test_stored_files_are_the_bar_they_were_made_of():
     assert model.body.fixed.size == 9
     again = model.to_fem()
     np.testing.assert_array_equal(again.elements[0]["Tet4"], read)
+    np.testing.assert_array_equal(again.GetNodePositionsAsArray(), model.positions)
+    x = model.positions[read]
+    assert np.all(np.linalg.det(x[:, 1:] - x[:, :1]) > 0)  # what Abaqus asks for
     body = romerr.ElasticBody.from_fem(again, fixed=range(9))
     np.testing.assert_allclose(body.modes(3).omega, model.body.modes(3).omega, rtol=1e-9)
     assert {frozenset(t) for t in again.surface[0]["Trigs"].tolist()} == {

@@ -7,7 +7,6 @@ import scipy.sparse as sp
 
 from exudyn_romerr import AssumptionError, ElasticBody, InputError
 from exudyn_romerr.linalg import eigenmodes
-from exudyn_romerr.linalg.eigenmodes import Modes, check_no_mode_missed
 from models.beam3d import STEEL, RoundSection, assemble
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import DAMPINGS, chain, model
@@ -85,14 +84,6 @@ def test_modes_solve_the_eigenproblem(fixed):
     assert modes.omega[-1] < modes.cut <= np.sqrt(la.eigvalsh(K, M))[5]
 
 
-def test_lanczos_finds_the_same_modes_as_lapack():
-    """Above 600 coordinates; compared with the closed form of a chain of 700 equal masses."""
-    n = 700
-    K = sp.diags([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], [-1, 0, 1])
-    modes = ElasticBody(sp.identity(n), K).modes(8)
-    assert modes.omega == pytest.approx(2 * np.sin(np.arange(1, 9) * np.pi / (2 * n + 2)), rel=tol.EIGEN)
-
-
 def test_a_count_that_rounding_spoils_at_the_lowest_mode_refuses_nothing(monkeypatch):
     """As of a bar of 2 m and 20 mm: one was counted below the lowest mode. A few more are asked for, and counted."""
     n, count = 700, eigenmodes.count_below
@@ -104,17 +95,6 @@ def test_a_count_that_rounding_spoils_at_the_lowest_mode_refuses_nothing(monkeyp
 
     monkeypatch.setattr(eigenmodes, "count_below", spoilt)
     assert ElasticBody(sp.identity(n), K).modes(1).omega == pytest.approx([first], rel=tol.EIGEN)
-
-
-def test_a_missed_mode_is_noticed():
-    """Sylvester's count against a list that lacks the third mode; the message names the gap."""
-    full = model("pencil", "none", 3)
-    modes = full.body.modes(6)
-    keep = [0, 1, 3, 4, 5]
-    lacking = Modes(modes.omega[keep], modes.shapes[:, keep], modes.cut)
-    check_no_mode_missed(full.body.M, full.body.K, modes)
-    with pytest.raises(AssumptionError, match=f"between {modes.omega[1]:.6g} and {modes.omega[3]:.6g} rad/s"):
-        check_no_mode_missed(full.body.M, full.body.K, lacking)
 
 
 def test_factors_are_made_once():

@@ -166,7 +166,7 @@ def test_lanczos_proves_that_no_mode_is_missing():
     body = ElasticBody(sp.eye_array(2 * n), sp.block_diag([K, K]))
     exact = np.repeat(2 * np.sin(np.pi * np.arange(1, 11) / (2 * (n + 1))), 2)
     found = body.modes(20).omega
-    assert np.max(np.abs(found / exact - 1)) < 1e-6
+    assert np.max(np.abs(found / exact - 1)) < tol.EIGEN
     assert body.modes(20).cut <= exact[-1]
 
 
