@@ -106,7 +106,7 @@ def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndar
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
 
 
-def starts(n: int) -> dict[str, Any]:
+def same_start(n: int) -> dict[str, Any]:
     """Return options of eigsh, the same each time: its own first vector, and those it restarts with, are random.
 
     Random numbers of a generator of its own have a part in all modes, those of a symmetric body, too.
@@ -148,7 +148,7 @@ def _lanczos_shapes(M, K, m, factor) -> np.ndarray:
     """Shapes (n, m) of the lowest modes, omega ascending."""
     n = M.shape[0]
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
-    squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, **starts(n))
+    squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, **same_start(n))
     return shapes[:, np.argsort(squares)]
 
 

@@ -147,11 +147,7 @@ def enough_memory(matrix: sp.spmatrix | SuperLU) -> Iterator[None]:
     """Raise AssumptionError where a matrix, or its factor, does not fit into memory or 32-bit indices."""
     try:
         yield
-    except (
-        MemoryError,
-        SystemError,
-        RuntimeError,
-    ) as error:  # the last: PARDISO
+    except (MemoryError, SystemError, RuntimeError) as error:  # the last: PARDISO
         if isinstance(error, RuntimeError) and NO_ROOM not in str(error):
             raise
         raise AssumptionError(

@@ -157,7 +157,7 @@ def solver(n: int) -> str:
     return next((name for name, package in PACKAGES.items() if find_spec(package)), "superlu")
 
 
-def faster(n: int) -> str | None:
+def faster_solver(n: int) -> str | None:
     """Return what would make the factorisation of n coordinates much faster, as a sentence; None if nothing would."""
     kind, intel = solver(n), sys.platform != "darwin" and platform.machine() in ("x86_64", "AMD64")
     if n < MANY or kind == "pardiso" or (kind == "metis" and not intel):

@@ -16,7 +16,7 @@ from ..linalg import oscillator
 from ..linalg.eigenmodes import ModalDamping, Modes, lowest_modes
 from ..linalg.free_mass_matrix import FreeMassFactor, FreeMassMatrix, damping_of, explicit
 from ..linalg.oscillator import Constants
-from ..linalg.symmetric_factor import MANY, SymmetricFactor, faster
+from ..linalg.symmetric_factor import MANY, SymmetricFactor, faster_solver
 from .admissible_space import MassOrthogonal, MeanMotion, space_of
 from .matrix_checks import (
     check_damping,
@@ -102,7 +102,7 @@ class ElasticBody:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
-        help_at_hand = faster(self.free.size)
+        help_at_hand = faster_solver(self.free.size)
         if help_at_hand:
             warnings.warn(help_at_hand, stacklevel=2)
         self.M = self.M if self.damping is None else explicit(self.M)

@@ -165,10 +165,10 @@ def test_a_long_wait_is_announced(monkeypatch):
     with pytest.warns(UserWarning, match=r"360 coordinates .* by SuperLU, .* `pip install py-mkl-pardiso`"):
         romerr.ElasticBody(*bar())
     monkeypatch.setattr(symmetric_factor.sys, "platform", "darwin")
-    assert "`pip install pymetis`" in symmetric_factor.faster(360)
-    assert symmetric_factor.faster(299) is None
+    assert "`pip install pymetis`" in symmetric_factor.faster_solver(360)
+    assert symmetric_factor.faster_solver(299) is None
     monkeypatch.setattr(symmetric_factor, "solver", lambda n: "pardiso")
-    assert symmetric_factor.faster(360) is None
+    assert symmetric_factor.faster_solver(360) is None
 
 
 def test_large_bodies_take_the_best_that_is_installed(monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from ...linalg.eigenmodes import GAP, ModalDamping, lowest_modes, starts
+from ...linalg.eigenmodes import GAP, ModalDamping, lowest_modes, same_start
 from ...linalg.oscillator import largest_decay_rate
 from ...linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 from ...model.body import ElasticBody
@@ -115,5 +115,5 @@ def _largest_ratio(K, K_r, factor: SymmetricFactor) -> float:
     if n < 4:  # ARPACK wants more coordinates than eigenvalues
         return float(np.max(np.linalg.eigvals(factor.solve(K.toarray())).real) * (1 + GAP))
     solve = LinearOperator((n, n), matvec=factor.solve, dtype=float)
-    largest = eigsh(K, 1, K_r, which="LA", Minv=solve, return_eigenvectors=False, **starts(n))
+    largest = eigsh(K, 1, K_r, which="LA", Minv=solve, return_eigenvectors=False, **same_start(n))
     return float(largest[0] * (1 + GAP))

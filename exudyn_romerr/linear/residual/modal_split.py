@@ -28,8 +28,8 @@ class AuxiliaryModes:
     Attributes
     ----------
     omega (m,), cut : rad/s; every other mode has omega >= cut (inf if P is complete).
-    capped : the note for the plan if "auto" stopped at its cap, else None.
-    left_ringing : what to tell the reader if the reduced body rings in more modes than "auto" may take, else None.
+    cap_note : the note for the plan if "auto" stopped at its cap, else None.
+    ringing_note : what to tell the reader if the reduced body rings in more modes than "auto" may take, else None.
     """
 
     def __init__(
@@ -45,8 +45,8 @@ class AuxiliaryModes:
             body.require_rayleigh("auxiliary modes")
         self.body = body
         self._bases = V, W
-        self.capped: str | None = None
-        self.left_ringing: str | None = None
+        self.cap_note: str | None = None
+        self.ringing_note: str | None = None
         least = 1 if body.modal is None else body.modal.count
         if asked == "auto":
             asked = max(self._auto_count(outputs, requested), least)
@@ -76,17 +76,17 @@ class AuxiliaryModes:
         cap = min(AUTO_CAP, body.free.size)
         if not requested.any():
             return min(AUTO_WITHOUT_OUTPUTS, cap)
-        left = self._left_above(cap, outputs, requested)
+        left = self._share_above(cap, outputs, requested)
         if left[-1] > AUTO_SHARE:
             cap = max(cap, self._ringing(cap))
-            left = self._left_above(cap, outputs, requested)
+            left = self._share_above(cap, outputs, requested)
         if left[-1] > AUTO_SHARE:
-            self.capped = f"'auto' stopped at {cap} modes with {100 * left[-1]:.2g} % of |C| above them"
+            self.cap_note = f"'auto' stopped at {cap} modes with {100 * left[-1]:.2g} % of |C| above them"
             return cap
-        self.left_ringing = None
+        self.ringing_note = None
         return int(np.argmax(left <= AUTO_SHARE)) + 1
 
-    def _left_above(self, m: int, outputs: OutputNorms, requested: np.ndarray) -> np.ndarray:
+    def _share_above(self, m: int, outputs: OutputNorms, requested: np.ndarray) -> np.ndarray:
         """The largest |C|_rest/|C|_{K^-1} of all outputs that decide, above 1, 2, ... m modes (m,)."""
         modes = self.body.modes(m)
         seen = requested & (outputs.C_K > 0)  # rows that see free coordinates
@@ -105,7 +105,7 @@ class AuxiliaryModes:
             return known
         found = count_below(body.M, body.K, highest, body.stiffness_factor.order)
         if found > LARGEST_CAP:
-            self.left_ringing = (
+            self.ringing_note = (
                 f"the reduced body rings in {found} modes of the full one, and 'auto' follows {LARGEST_CAP}: bounds "
                 f"are larger than they need be, the more so the more modes ring; auxiliary_modes={found} follows all"
             )

@@ -199,18 +199,20 @@ class Quintic(Segmenter):
         starts = np.vstack([s.u[:1], *(j.u_right[None] for j in here)])
         ends = np.vstack([*(j.u_left[None] for j in here), s.u[1:]])
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
+        u = straight(starts, ends) if u is None else u
         return without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
 
     def _inputs_of(self, s: Samples) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
-        """As `_inputs`, between all samples; no control points where lines are straight."""
-        if self.signal is None or not self.layout.p:
-            return None, *np.zeros((2, len(s.t) - 1, 0))
+        """As `_inputs`, between all samples."""
         return self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
 
-    def _inputs(self, start, h, first, last) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses."""
+    def _inputs(self, start, h, first, last) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
+        """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses.
+
+        None in place of control points: straight lines.
+        """
         if self.signal is None or not self.layout.p:
-            return straight(first, last), *np.zeros((2, len(h), 0))
+            return None, *np.zeros((2, len(h), 0))
         inner = np.sort(np.concatenate([NODES[1:-1], CHECKS]))
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)

@@ -251,11 +251,11 @@ class ProportionalDamping:
             largest = np.maximum(rest, amplified.max(axis=1))
             left = complex_norm(self.norm, z)
             # E = K P - M P Omega^2 makes every mode, and the rest, feel of_K * inexact * |e|_K beside R
-            felt = of_K[:, None] * self.inexact * amplified
-            kept = 1 - np.hypot(np.linalg.norm(felt, axis=1), rest * of_K * np.linalg.norm(self.inexact))
+            coupled = of_K[:, None] * self.inexact * amplified
+            kept = 1 - np.hypot(np.linalg.norm(coupled, axis=1), rest * of_K * np.linalg.norm(self.inexact))
             whole = (np.hypot(np.linalg.norm(eta * self.omega, axis=1), rest * left) + largest * r) / kept
             slack = np.outer(gain * left + rest * of_K * np.linalg.norm(self.inexact) * whole, self.C_rest)
-            slack += (whole[:, None] * felt / self.omega) @ np.abs(self.CP).T + np.outer(largest * r, self.C_K)
+            slack += (whole[:, None] * coupled / self.omega) @ np.abs(self.CP).T + np.outer(largest * r, self.C_K)
         high, resonant = ~np.isfinite(gain), ~(kept > 0)
         reasons = np.where(high, TOO_HIGH.format(len(self.omega)), np.where(resonant, RESONANCE, ""))
         known[reasons == RESONANCE] = np.inf

@@ -57,8 +57,8 @@ def _computed(problem: Problem, names: tuple[str, ...], options: BoundOptions, s
 def _details(problem: Problem, name: str) -> str:
     if name == "auxiliary":
         modes = problem.split.modes
-        capped = f"; {modes.capped}" if modes.capped else ""
-        return f": {modes.omega.size} modes up to {modes.omega[-1]:.4g} rad/s, none missed{capped}"
+        cap_note = f"; {modes.cap_note}" if modes.cap_note else ""
+        return f": {modes.omega.size} modes up to {modes.omega[-1]:.4g} rad/s, none missed{cap_note}"
     return f": kernel '{problem.options.kernels}'" if name in ("fast", "convolution") else ""
 
 

@@ -113,7 +113,7 @@ class Offline:
         self.time, self.total_mass, self.positions = options.time, body.total_mass, body.positions
         modes = problem.split.modes if "auxiliary" in names else None
         self.modes = 0 if modes is None else modes.omega.size
-        self.notes = tuple(filter(None, [scene.note, modes and modes.left_ringing, blind]))
+        self.notes = tuple(filter(None, [scene.note, modes and modes.ringing_note, blind]))
         self.plan = make_plan(problem, names, options, scene)
         at_rest, known = replace(options, initial="equilibrium"), {"sampled_inputs": signal is None, "scene": scene}
         self.from_static = cache(lambda: prepare(body, problem.basis, at_rest, **known))
