@@ -28,8 +28,8 @@ TYPES = {
     r"B3[13]\w*|T3D2|PIPE31H?": "Line2",
 }
 SUPPORTS = {
-    "ENCASTRE": (1, 6),
-    "PINNED": (1, 3),
+    "ENCASTRE": (1, 2, 3, 4, 5, 6),
+    "PINNED": (1, 2, 3),
     "XSYMM": (1, 5, 6),
     "YSYMM": (2, 4, 6),
     "ZSYMM": (3, 4, 5),
@@ -37,7 +37,6 @@ SUPPORTS = {
     "YASYMM": (1, 3, 5),
     "ZASYMM": (1, 2, 6),
 }
-RANGES = ("ENCASTRE", "PINNED")
 MAKES_NODES = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 COUPLES = (
     "MPC",
@@ -278,8 +277,7 @@ def _held(block: Block, sets: dict[str, list[int]]) -> Iterator[tuple[int, int]]
     for where, *rest in lines:
         numbers = [x for x in rest if x]
         if numbers[0].upper() in SUPPORTS:
-            first = SUPPORTS[numbers[0].upper()]
-            dofs = range(first[0], first[1] + 1) if numbers[0].upper() in RANGES else first
+            dofs = SUPPORTS[numbers[0].upper()]
         else:
             if len(numbers) > 2 and float(numbers[2]):
                 raise InputError(f"{block.where}: {where} is moved by {numbers[2]}; only supports at zero are read")

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..model.solid_elements import NODES
-from .fe_data import Matrix, Mesh, symmetric
+from .fe_data import Matrix, Mesh, imported, symmetric
 
 WORD = 4  # bytes, that a file is counted in
 FIELDS = 10  # of an element before its nodes
@@ -92,8 +92,4 @@ def read_ansys_mesh(path: Path, archive: bool) -> Mesh:
 
 
 def _reader(path: Path) -> Any:
-    try:
-        from ansys.mapdl import reader
-    except ImportError as error:
-        raise InputError(f"{path.name} needs ansys-mapdl-reader: pip install 'exudyn-romerr[ansys]'") from error
-    return reader
+    return imported(path, "ansys.mapdl.reader", "ansys-mapdl-reader", "'exudyn-romerr[ansys]'")

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+
+from ..errors import InputError
 
 
 @dataclass(frozen=True)
@@ -42,3 +47,11 @@ def symmetric(matrix: sp.spmatrix) -> sp.csr_matrix:
     if lower.nnz and upper.nnz:
         return matrix
     return sp.csr_matrix(matrix + (lower + upper).T)
+
+
+def imported(path: Path, module: str, package: str, install: str) -> Any:
+    """Return a module of a package that need not be there; InputError that says how to install it."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InputError(f"{path.name} needs {package}: pip install {install}") from error

@@ -18,6 +18,7 @@ from ..model.body import ElasticBody
 from ..model.matrix_checks import check_not_swapped
 from ..model.solid_elements import NODES
 from ..report.formats.atomic_write import write_whole
+from .fe_data import imported
 
 MATRICES = ("mass", "stiffness")
 SAVED = "exudyn_romerr body"  # how our own files begin
@@ -190,11 +191,7 @@ def _npz(path: Path, unpickle: bool, options: dict[str, Any]) -> FEModel | None:
 
 
 def _hdf5(path: Path) -> dict:
-    try:
-        import h5py
-    except ImportError as error:
-        raise InputError(f"{path.name} needs h5py: pip install h5py") from error
-    with h5py.File(path, "r") as file:
+    with imported(path, "h5py", "h5py", "h5py").File(path, "r") as file:
         return {name: _value(file[name]) for name in file}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
-from .fe_data import Matrix, Mesh, symmetric
+from .fe_data import Matrix, Mesh, imported, symmetric
 
 TYPES = {
     "ctetra": {4: "Tet4", 10: "Tet10"},
@@ -77,11 +77,8 @@ def read_bulk(path: Path) -> Mesh:
 
 
 def _pyyeti(path: Path) -> Any:
-    try:
-        from pyyeti import nastran
-        from pyyeti.nastran import bulk, op2, op4  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"{path.name} needs pyyeti: pip install 'exudyn-romerr[nastran]'") from error
+    names = ("pyyeti.nastran", "pyyeti.nastran.bulk", "pyyeti.nastran.op2", "pyyeti.nastran.op4")
+    nastran, *_ = (imported(path, name, "pyyeti", "'exudyn-romerr[nastran]'") for name in names)
     return nastran
 
 

@@ -31,7 +31,7 @@ def arguments(name):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_numbers_of_other_kinds_are_refused(name, compiled):
+def test_numbers_of_other_kinds_and_shapes_are_refused(name, compiled):
     """Their bytes would be read as another number's: all of these have eight, as floats have."""
     sizes, arrays = arguments(name)
     getattr(compiled, name)(*sizes, *arrays)
@@ -39,6 +39,8 @@ def test_numbers_of_other_kinds_are_refused(name, compiled):
         for kind in ("i8", "c8", ">f8"):
             with pytest.raises(ValueError, match="in place of"):
                 getattr(compiled, name)(*sizes, *arrays[:i], array.astype(kind), *arrays[i + 1 :])
+        with pytest.raises(ValueError, match="in place of"):  # nothing is read or written beyond the end of an array
+            getattr(compiled, name)(*sizes, *arrays[:i], array[:-1], *arrays[i + 1 :])
         if array.ndim > 1:
             with pytest.raises(ValueError, match="not C-contiguous"):
                 getattr(compiled, name)(*sizes, *arrays[:i], np.repeat(array, 2, axis=-1)[..., ::2], *arrays[i + 1 :])

@@ -4,18 +4,9 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.linalg import bezier, blocked_products
-from tests.compiled.test_loops import SAME, off
+from tests.compiled.test_loops import SAME, both, off
 
 EVERY = np.arange(1, 10) / 10  # of a step: checks and inner nodes in turn
-
-
-def both(module, loops, monkeypatch, of):
-    """What NumPy and the loops find."""
-    found = []
-    for one in (None, loops):
-        monkeypatch.setattr(module, "loops", one)
-        found.append(of())
-    return found
 
 
 def polynomials(rng, S, p, degree):
