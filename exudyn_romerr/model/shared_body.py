@@ -60,15 +60,15 @@ def keep_with(fem: Any, body: ElasticBody) -> None:
     _RESULTS[fem] = dict([*kept[1 - BODIES :], (body, {} if made is None else made)])
 
 
-def made_once(body: ElasticBody, kind: str, of: Iterable[Any], make: Callable[[], Made]) -> Made:
+def made_once(body: ElasticBody, kind: str, of: Iterable[Any], make: Callable[[], Made], few: bool = False) -> Made:
     """Return make(), or what that returned before, of the same body and the same numbers.
 
     kind : of result. of : arrays, matrices, and what repr tells apart, of which alone it is made beside the body. The
     result is shared: whoever gets it leaves it as it is. Of a body with more than MANY coordinates nothing is kept
-    beside it: there memory is what is short.
+    beside it, but where it is a `few` columns: there memory is what is short.
     """
     made = _results_of(body)
-    if made is None or body.N > MANY:
+    if made is None or (body.N > MANY and not few):
         return make()
     key = kind, fingerprint(of)
     made[key] = found = made.pop(key) if key in made else make()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from ...linalg.symmetric_factor import SubspaceFactor
@@ -11,8 +9,6 @@ from ...model.admissible_space import Space
 from ...model.body import ElasticBody
 from ...model.shared_body import made_once
 from .problem import Problem
-
-_RESPONSES: WeakKeyDictionary[Space, tuple[ElasticBody, np.ndarray, np.ndarray]] = WeakKeyDictionary()
 
 
 def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
@@ -25,9 +21,12 @@ def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
     Source: docs/theory.md, floating frame. Does not cover: inertia of what the interfaces' deformation moves.
     """
     body, rows = problem.body, problem.rows
-    # few rows are solved for, not the many columns
-    responses = body.stiffness_factor.solve(rows.C.T), _rigid_response(body, stiff, rows.C)
-    whole, rest = (_seen(problem, x) for x in responses)
+    response = body.stiffness_factor.solve(rows.C.T)  # few rows are solved for, not the many columns
+    of = stiff.Z, rows.C
+    rigid = made_once(
+        body, "rigid interfaces", of, lambda: with_rigid_interfaces(body, stiff).solve(rows.C.T), few=True
+    )
+    whole, rest = _seen(problem, response), _seen(problem, rigid)
     return np.stack([-rows.of_displacements(part) for part in (whole - rest, rest)])
 
 
@@ -42,15 +41,6 @@ def _seen(problem: Problem, response: np.ndarray) -> np.ndarray:
 def with_rigid_interfaces(body: ElasticBody, stiff: Space) -> SubspaceFactor:
     """Return what solves S (S^T K S)^-1 S^T; of a large body it takes much memory, and time."""
     return SubspaceFactor(body.K, stiff.Z.tocsr()[body.free])
-
-
-def _rigid_response(body: ElasticBody, stiff: Space, C: np.ndarray) -> np.ndarray:
-    """S (S^T K S)^-1 S^T C^T (n_free, R); the last one of every space is kept, of bodies of any size."""
-    kept = _RESPONSES.get(stiff)
-    if kept is None or kept[0] is not body or not np.array_equal(kept[1], C):
-        make = lambda: with_rigid_interfaces(body, stiff).solve(C.T)  # noqa: E731
-        kept = _RESPONSES[stiff] = body, C, made_once(body, "rigid interfaces", (stiff.Z, C), make)
-    return kept[2]
 
 
 def interface_share(errors: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ from ...report.scope import Scene
 from ..estimators import ESTIMATORS
 from ..residual.problem import BoundOptions, Problem
 
+NO_NODES = "the body has no node positions"
+
 
 def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Plan:
     """Return the plan of estimators `names`, chosen by what `options` ask for.
@@ -26,7 +28,10 @@ def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, s
         *_terms_not_there(problem, scene),
         *([("bound of the error of the time integration", "time='sampled'")] if sampled else []),
         *([] if options.live else [("comparison with a tolerance", "none was given")]),
-        ("bounds at nodes", _why_no_nodes(problem.body)),
+        (
+            "bounds at nodes",
+            NO_NODES if problem.body.positions is None else "made when report.node_bound is asked for",
+        ),
         ("errors of static solves", "made when a static solve begins"),
         ("plots", "made, and matplotlib loaded, when report.plot is called"),
     ]
@@ -93,7 +98,3 @@ def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]
         yield "damping columns D V", "Rayleigh damping is merged into M V and K V" if merged else "undamped"
     if not problem.has_initial_error:
         yield "initial error, Phi11", "the full body starts in the span of V (initial=None)"
-
-
-def _why_no_nodes(body: ElasticBody) -> str:
-    return "the body has no node positions" if body.positions is None else "made when report.node_bound is asked for"
