@@ -107,37 +107,16 @@ OTHER_PROCESSOR = 1e-7
 RICHARDSON = 1e-4
 # Two exact motions of up to 72 coordinates by one matrix exponential, 200 steps, rates up to 50 times the first one.
 COUPLED = 1e-10
-# 80 steps a period of the first mode, R between samples is no straight line: in the median 0.2 % of the error.
-BETWEEN_SAMPLES = 5e-3
-# Medians with static modes: twice what was measured. Total variation grows with every period, the error does not.
-MEDIAN_COUPLED = {"position": 95.0, "velocity": 36.0, "y": 115.0, "corrected y": 190.0, "v": 230.0}
 # Gram matrices of vectors whose frequencies differ by 30, and rounding of K 1e-16 * 1e4; measured 2e-12.
 RITZ = 1e-10
 # Exudyn's static modes are solved for to 5e-10; interfaces move by as much of a vector, angles are off by that.
 STILL = 1e-9
 STATIC_MODES = 1e-8
-# Generalised-alpha with up to 5 rad/s * 4 s / 640 per step, squared, over some periods; measured below 5e-4.
-SMALL_STEPS = 2e-3
-# Interpolated inverses are used twice: feedback.CLOSE squared, 1e-6, at worst; measured 1e-8.
-INTERPOLATED = 1e-6
-# estimators.mechanism.LINEARISED of the largest so far, 1 %, on top of the known error.
-ALL_VECTORS = 1.015
 # Of the largest bound: "auxiliary" adds what rounding may do to its modes, 1e-16 of the largest in a block times the
 # number of its steps; a block of 26 steps instead of 40 has less of it. Measured 1e-10.
 SHORTER_BLOCK = 1e-9
-# The same where every step is a block, instead of some tens, with what inexact modes feel of the whole error: 1.5e-7.
-SINGLE_STEPS = 1e-6
 # Responses between the last two tangents are interpolated with one tangent less; measured 3e-6.
 LAST_TANGENT = 1e-5
-# A truth integrated to 1e-11 of every mode; positions of 0.4 m round to 1e-16.
-DRIVEN = 1e-10
-# Estimates of the error by time steps. 6 s of modes up to 5 rad/s in steps of 0.05 s: phases err by 1/12 (omega h)^2
-# omega t = 0.16, and what is of second order in that is a share of it: measured 0.02 to 0.08. What remains beside x2
-# is of its square: measured up to 0.003.
-FIRST_ORDER = 0.12
-SECOND_ORDER = 0.006
-# The same march in other parts: rounding of accelerations, which constraints solved for positions multiply by 1/h^2.
-MARCHED = 1e-8
 # 40 vectors of a hinged bar damped by ratios of its modes: the estimate misses 0.1 % of the error without eigenmodes,
 # 0.9 % with two; without the damping between modes and vectors 7 %.
 HINGED_RATIOS = 0.02
