@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import comb
+from typing import Any
 
 import numpy as np
 
@@ -70,25 +70,19 @@ def hermite_bends(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray]:
     return position, combined(RAISE[4][1:-1, 1:-1], velocity)
 
 
-def hermite_rows(
-    layout: Callable,
-    rayleigh: tuple | None,
-    h: np.ndarray,
-    samples: tuple,
-    controls: np.ndarray | None,
-) -> np.ndarray:
+def hermite_rows(layout: Any, h: np.ndarray, samples: tuple, controls: np.ndarray | None) -> np.ndarray:
     """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, each (S + 1, .).
 
-    controls : of u (S, 6, p); None: straight lines. rayleigh : alpha and beta where the layout is (q'' + alpha q',
+    controls : of u (S, 6, p); None: straight lines. layout.rayleigh : alpha and beta where it is (q'' + alpha q',
     q + beta q', u); None: it is another one. First and last control points are the layout of samples, bit for bit.
     """
     *states, u = samples
-    if loops is None or rayleigh is None:
+    if loops is None or layout.rayleigh is None:
         return layout(*hermite_controls(h, *states), straight(u[:-1], u[1:]) if controls is None else controls)
     ends = layout(*samples)
     rows = np.empty((len(h), DEGREE + 1, ends.shape[1]))
     given = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in (h, *samples, controls, ends)]
-    loops.curves(len(h), states[0].shape[1], u.shape[1], *rayleigh, *given, rows)
+    loops.curves(len(h), states[0].shape[1], u.shape[1], *layout.rayleigh, *given, rows)
     return rows
 
 

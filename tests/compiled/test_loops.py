@@ -102,7 +102,7 @@ def test_control_points_are_those_of_numpy(n, p, straight, compiled, monkeypatch
     if not straight:
         controls[:, 0], controls[:, -1] = samples[-1][:-1], samples[-1][1:]
     layout = Coordinates(n, p, (0.3, 0.02), has_damping=False)
-    of = (layout, layout.rayleigh, h, samples, controls)
+    of = (layout, h, samples, controls)
     found = both(bezier, compiled, monkeypatch, lambda: bezier.hermite_rows(*of))
     assert off(*found) < SAME
     ends = layout(*samples)

@@ -153,7 +153,7 @@ class Quintic(Segmenter):
         h, states, skipped = np.diff(s.t), (s.q, s.q_t, s.q_tt), None
         u, *missed = inputs or self._inputs_of(s)
         if len(knots) == len(s.t):
-            c = hermite_rows(self.layout, self.layout.rayleigh, h, (*states, s.u), u)
+            c = hermite_rows(self.layout, h, (*states, s.u), u)
         else:
             curves = [_cut(s.t, knots, c) for c in hermite_controls(np.diff(s.t[knots]), *(x[knots] for x in states))]
             skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
