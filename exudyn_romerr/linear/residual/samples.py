@@ -128,11 +128,16 @@ def checked_states(t: np.ndarray, states: Sequence, n: int, last: float) -> list
         raise InputError(f"trajectory arrays have shapes {[x.shape for x in states]}; needed: ({len(t)}, {n})")
     for name, x in zip(("t", "q", "q_t", "q_tt"), (t, *states), strict=True):
         check_finite(name, x)
-    steps = np.diff(t, prepend=last)
-    if np.any(steps <= 0):
-        at = int(np.argmax(steps <= 0))
-        raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([last, *t])[at]:.9g} s")
+    check_increasing(t, last)
     return states
+
+
+def check_increasing(t: np.ndarray, last: float = -np.inf) -> None:
+    """Raise InputError unless t (S,) increases, and is after `last`."""
+    late = np.diff(t, prepend=last) <= 0
+    if late.any():
+        at = int(np.argmax(late))
+        raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([last, *t])[at]:.9g} s")
 
 
 def instants_in(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:

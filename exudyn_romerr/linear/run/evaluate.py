@@ -16,6 +16,7 @@ from ...model.matrix_checks import precision
 from ...model.outputs import Output
 from ...process.blas_threads import one_thread
 from ...report.report import BoundReport
+from ..residual.samples import check_increasing
 from .prepare import BoundOptions, prepare
 from .run import BLOCK, Run
 
@@ -43,9 +44,7 @@ class Trajectory:
         self.t = check_array("t", self.t, (None,))
         if self.t.size == 0:
             raise InputError("t is empty; a trajectory has at least one sample")
-        if np.any(np.diff(self.t) <= 0):
-            at = int(np.argmax(np.diff(self.t) <= 0)) + 1
-            raise InputError(f"t does not increase at entry {at}: {self.t[at]:.9g} s after {self.t[at - 1]:.9g} s")
+        check_increasing(self.t)
         self.q = check_array("q", self.q, (len(self.t), None))
         self.q_t, self.q_tt = (
             check_array(name, x, self.q.shape) for name, x in (("q_t", self.q_t), ("q_tt", self.q_tt))

@@ -49,7 +49,8 @@ class Run(RunRecord):
     ):
         super().__init__(offline, solver, tolerances, is_static)
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
+        jumps = () if is_static else offline.jumps
+        self._jumps = make_jumps(jumps, offline.signal, offline.jump_response)
         self._segmenters: dict[str, Segmenter] = {"reduction": Linear(offline.coordinates, self._jumps)}
         if self.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
