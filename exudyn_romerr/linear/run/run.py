@@ -49,17 +49,14 @@ class Run(RunRecord):
     ):
         super().__init__(offline, solver, tolerances, is_static)
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        jumps = () if is_static else offline.jumps
-        self._jumps = make_jumps(jumps, offline.signal, offline.jump_response)
+        self._jumps = make_jumps(() if is_static else offline.jumps, offline.signal, offline.jump_response)
         self._segmenters: dict[str, Segmenter] = {"reduction": Linear(offline.coordinates, self._jumps)}
         if self.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
             self.quintic = Quintic(*known, offline.mass_root if offline.scene.turns else None)
             self._segmenters["total"] = self.quintic
-        last, estimators = (
-            list(self._segmenters)[-1],
-            {"static": offline.static()} if is_static else offline.estimators,
-        )
+        last = list(self._segmenters)[-1]
+        estimators = {"static": offline.static()} if is_static else offline.estimators
         self._streams = {name: Stream(estimators, name != last) for name in self._segmenters}
         if offline.initial is not None and not is_static:
             self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
