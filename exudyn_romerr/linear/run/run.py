@@ -16,8 +16,7 @@ from ..residual.samples import Extension, Jump, Samples, checked_states, make_ju
 from ..residual.segments import Start, turn_of
 from .balance import UNKNOWN, SolverFacts
 from .prepare import Offline
-from .record import Internal, RunRecord
-from .stream import Stream
+from .record import Internal, RunRecord, Stream
 from .summary import assemble, output_reports
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
