@@ -62,7 +62,7 @@ def telling_times(body):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_certified_is_above_every_mode_at_every_time(kind):
-    """|Phi11(t)|_M and |Phi12(t)|_M of the certified kernel bound the maximum over the spectrum."""
+    """|Phi11(t)|_M and |Phi12(t)|_M of the certified kernel bound the maximum over the spectrum; C12 by 1.5 at most."""
     for body in spectra(kind):
         t, kernel, omega = telling_times(body), CertifiedKernel(body), body.all_modes().omega[:, None]
         zeta, room = body.damping_ratios(omega), 1 + tol.CLOSED_FORM
@@ -72,16 +72,9 @@ def test_certified_is_above_every_mode_at_every_time(kind):
         assert np.all(phi11 <= kernel.phi11(t) * room + 1e-300)  # 1e-300: below it floats lose digits
         assert np.all(phi12 <= bound * room + 1e-300)
         assert np.all(bound <= kernel.C12 * room)
+        assert 1 - tol.CLOSED_FORM <= kernel.C12 / SpectrumKernel(body).C12 < tol.CERTIFIED_FACTOR
         for amplitude, rate in kernel.envelopes:
             assert np.all(phi12 <= amplitude * np.exp(-rate * t) * room + 1e-300)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_certified_maximum_is_within_a_factor_of_the_spectrum(kind):
-    """C12 of the certified kernel: at least that of the spectrum, at most 1.5 times it."""
-    ratios = [CertifiedKernel(body).C12 / SpectrumKernel(body).C12 for body in spectra(kind)]
-    assert 1 - tol.CLOSED_FORM <= min(ratios)
-    assert max(ratios) < tol.CERTIFIED_FACTOR
 
 
 @pytest.mark.parametrize("zeta", [0.0, 1e-9, 0.3, *ON_THE_EDGE, 1 + 1e-6, 4.0, 1e3])

@@ -58,6 +58,9 @@ def test_estimate_is_the_error(run):
         error = y - out.value
         np.testing.assert_allclose(out.estimate, error, rtol=0, atol=tol.CLOSED_FORM * np.max(np.abs(error)))
         assert out.estimate_scope == "complete"
+        np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=tol.SUMS * np.max(out.value))
+        np.testing.assert_array_equal(out.uncertainty, out.corrected_bound)
+        assert list(out.uncertainty_parts) == ["proved"]
         assert (np.abs(error - out.estimate) <= out.uncertainty + out.round_off).all()
 
 
@@ -88,10 +91,3 @@ def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
             kept, before = getattr(again, field), getattr(out, field)
             assert list(kept) == list(before)
             assert all(np.array_equal(kept[key], x) for key, x in before.items())
-
-
-def test_correction_is_the_estimate(run):
-    for out in run[0].outputs.values():
-        np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=tol.SUMS * np.max(out.value))
-        np.testing.assert_array_equal(out.uncertainty, out.corrected_bound)
-        assert list(out.uncertainty_parts) == ["proved"]
