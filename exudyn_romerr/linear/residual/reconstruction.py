@@ -41,11 +41,10 @@ class Segmenter:
 
     def __call__(self, s: Samples) -> tuple[Block, np.ndarray | slice]:
         """Return the segments of all steps, and the index of the segment that ends each step."""
-        jumps = self.jumps
-        before = np.array(
-            [[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in jumps], dtype=bool
-        )
-        crossed = before[:, :-1] & ~before[:, 1:] if len(jumps) else np.zeros((0, len(s.t) - 1), dtype=bool)
+        if not self.jumps:
+            return self._smooth(s), slice(None)
+        before = np.array([[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in self.jumps])
+        crossed = before[:, :-1] & ~before[:, 1:]
         special = np.flatnonzero(crossed.any(axis=0))
         if not special.size:
             return self._smooth(s), slice(None)
@@ -55,7 +54,7 @@ class Segmenter:
                 blocks.append(self._smooth(s.part(slice(first, step + 1))))
                 ends.extend([1] * (step - first))
             if step < len(s.t) - 1:
-                here = [jump for jump, hit in zip(jumps, crossed[:, step], strict=True) if hit]
+                here = [jump for jump, hit in zip(self.jumps, crossed[:, step], strict=True) if hit]
                 blocks.append(self._with_jumps(s.part(slice(step, step + 2)), here))
                 ends.append(len(blocks[-1].h))
             first = step + 1
@@ -131,10 +130,9 @@ class Quintic(Segmenter):
         return self._rounding / self._variation if self._variation else 0.0
 
     def _smooth(self, s: Samples) -> Block:
-        every = np.arange(len(s.t))
+        every, inputs = np.arange(len(s.t)), self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
-            return self._through(s, every)
-        inputs = self._inputs_of(s)
+            return self._through(s, every, inputs)
         best, stride = self._choice(s, every, inputs), 2
         while best.rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
             choice = self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs)
@@ -144,14 +142,14 @@ class Quintic(Segmenter):
         self._variation, self._rounding = self._variation + best.size, self._rounding + best.rounding
         return best.block
 
-    def _choice(self, s: Samples, knots: np.ndarray, inputs: tuple | None) -> _Choice:
+    def _choice(self, s: Samples, knots: np.ndarray, inputs: tuple) -> _Choice:
         block = self._through(s, knots, inputs)
         return _Choice(block, self._size_of(block), self._rounding_of(s.part(knots)))
 
-    def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
+    def _through(self, s: Samples, knots: np.ndarray, inputs: tuple) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""
         h, states, skipped = np.diff(s.t), (s.q, s.q_t, s.q_tt), None
-        u, *missed = inputs or self._inputs_of(s)
+        u, *missed = inputs
         if len(knots) == len(s.t):
             c = hermite_rows(self.layout, h, (*states, s.u), u)
         else:
@@ -201,10 +199,6 @@ class Quintic(Segmenter):
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
         u = straight(starts, ends) if u is None else u
         return without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
-
-    def _inputs_of(self, s: Samples) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
-        """As `_inputs`, between all samples."""
-        return self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
 
     def _inputs(self, start, h, first, last) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
         """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses.

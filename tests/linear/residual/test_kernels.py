@@ -62,7 +62,7 @@ def telling_times(body):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_certified_is_above_every_mode_at_every_time(kind):
-    """|Phi11(t)|_M and |Phi12(t)|_M of the certified kernel bound the maximum over the spectrum; C12 by 1.5 at most."""
+    """|Phi11(t)|_M and |Phi12(t)|_M of the certified kernel bound those of all modes; C12 by 1.5 at most."""
     for body in spectra(kind):
         t, kernel, omega = telling_times(body), CertifiedKernel(body), body.all_modes().omega[:, None]
         zeta, room = body.damping_ratios(omega), 1 + tol.CLOSED_FORM
