@@ -62,20 +62,10 @@ class DualNorms:
             at += vectors.shape[1]
         return result
 
-    @cached_property
-    def norm_M(self) -> Callable:
-        """Return z -> |R|_{M^-1}."""
-        return make_norm(self.kind, self.Y_M)
-
-    @cached_property
-    def norm_K(self) -> Callable:
-        """Return z -> |R|_{K^-1}."""
-        return make_norm(self.kind, self.Y_K)
-
-    @cached_property
-    def norm_static(self) -> Callable:
-        """Return z -> |K^-1 R|_M, the mass norm of the static reconstruction."""
-        return make_norm(self.kind, self.Y_static)
+    # z -> |R|_{M^-1}, |R|_{K^-1}, and |K^-1 R|_M, the mass norm of the static reconstruction
+    norm_M = cached_property(lambda self: make_norm(self.kind, self.Y_M))
+    norm_K = cached_property(lambda self: make_norm(self.kind, self.Y_K))
+    norm_static = cached_property(lambda self: make_norm(self.kind, self.Y_static))
 
     @cached_property
     def start_norms(self) -> StartNorms | None:

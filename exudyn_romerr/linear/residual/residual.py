@@ -37,25 +37,11 @@ class Coordinates:
         """Number of entries of z."""
         return self.n * (2 + self.has_damping) + self.p
 
-    @property
-    def mass_slot(self) -> slice:
-        """Entries that multiply M V."""
-        return slice(0, self.n)
-
-    @property
-    def damping_slot(self) -> slice:
-        """Entries that multiply D V, if there are such."""
-        return slice(self.n, 2 * self.n)
-
-    @property
-    def stiffness_slot(self) -> slice:
-        """Entries that multiply K V."""
-        return slice(self.n * (1 + self.has_damping), self.n * (2 + self.has_damping))
-
-    @property
-    def input_slot(self) -> slice:
-        """Entries that multiply -B."""
-        return slice(self.k - self.p, self.k)
+    # entries that multiply M V; D V, if there are such; K V; -B
+    mass_slot = property(lambda self: slice(0, self.n))
+    damping_slot = property(lambda self: slice(self.n, 2 * self.n))
+    stiffness_slot = property(lambda self: slice(self.n * (1 + self.has_damping), self.n * (2 + self.has_damping)))
+    input_slot = property(lambda self: slice(self.k - self.p, self.k))
 
     def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return z (..., k) of reduced coordinates (..., n) and inputs (..., p)."""
