@@ -30,13 +30,19 @@ def step_response(M, D, K, load, x0, t):
 
 
 def released(body, basis, before, t):
-    """Full and reduced motion from their own equilibria under `before` to the load 1 at the last mass."""
+    """Full motion, trajectory from their own equilibria under `before` to the load 1 at the last mass, and B."""
     B = np.eye(body.N)[:, -1:]
     M, K, D = body.M.toarray(), body.K.toarray(), body.D.toarray()
     V = basis.V
     full = step_response(M, D, K, B[:, 0], before * np.linalg.solve(K, B[:, 0]), t)[0]
     Mr, Dr, Kr, g = V.T @ M @ V, V.T @ D @ V, V.T @ K @ V, V.T @ B[:, 0]
-    return full, step_response(Mr, Dr, Kr, g, before * np.linalg.solve(Kr, g), t), B
+    motion = step_response(Mr, Dr, Kr, g, before * np.linalg.solve(Kr, g), t)
+    return full, romerr.Trajectory(t, *motion, np.ones(len(t))), B
+
+
+def resting(t):
+    """A trajectory of one coordinate that does not move."""
+    return romerr.Trajectory(t, *np.zeros((3, len(t), 1)))
 
 
 @pytest.mark.parametrize("n", [1, 2, 5])
@@ -44,8 +50,7 @@ def test_default_bounds_of_tiny_bodies(n):
     """'auto' takes every mode of a small body as auxiliary: the bound is the error itself."""
     body, t = chain(n, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 101)
     basis = romerr.modal_basis(body, 1)
-    full, (q, q_t, q_tt), B = released(body, basis, 0.0, t)
-    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(101))
+    full, traj, B = released(body, basis, 0.0, t)
     report = romerr.evaluate(
         body, basis, traj, inputs=B, outputs=[romerr.Output("x", np.eye(n)[0])], input_function=lambda t: 1.0
     )
@@ -74,8 +79,7 @@ def test_certified_kernel_of_very_strong_damping():
 def test_input_function_without_inputs_is_refused(initial):
     """A load that cannot act must not be ignored."""
     body = chain(3, rayleigh=(0.1, 0.0))
-    zero = np.zeros((5, 1))
-    traj = romerr.Trajectory(np.arange(5.0), zero, zero, zero)
+    traj = resting(np.arange(5.0))
     with pytest.raises(romerr.InputError, match="input_function was given without inputs"):
         romerr.evaluate(body, romerr.modal_basis(body, 1), traj, input_function=lambda t: 1.0, initial=initial)
 
@@ -84,8 +88,7 @@ def test_equilibrium_before_a_jump_at_the_start():
     """The body is in equilibrium under the load before the jump at t0, not under the one after it."""
     body, t = chain(5, rayleigh=(0.1, 1e-3)), np.linspace(0, 0.5, 201)
     basis = romerr.krylov_basis(body, np.eye(5)[:, -1:], 1)
-    full, (q, q_t, q_tt), B = released(body, basis, 0.5, t)
-    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(201))
+    full, traj, B = released(body, basis, 0.5, t)
     report = romerr.evaluate(
         body,
         basis,
@@ -98,7 +101,7 @@ def test_equilibrium_before_a_jump_at_the_start():
         estimators=ALL,
         auxiliary_modes=3,
     )
-    error = np.abs(full[:, 0] - q @ basis.V[0])
+    error = np.abs(full[:, 0] - traj.q @ basis.V[0])
     for e, bound in report.output("x").bound.items():
         assert np.all(error <= bound[:, 0] + ROUNDING * np.abs(full).max()), e
 
@@ -107,8 +110,7 @@ def test_cancelled_norm_is_inf_and_said_so():
     """residual='expanded' on the complete basis: where its square is negative, the bound is inf and never nan."""
     body, t = chain(6, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 201)
     basis = romerr.modal_basis(body, 6)
-    _, (q, q_t, q_tt), B = released(body, basis, 0.0, t)
-    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(201))
+    _, traj, B = released(body, basis, 0.0, t)
     options = {"inputs": B, "outputs": [romerr.Output("x", np.eye(6)[0])], "estimators": ALL, "auxiliary_modes": 3}
     report = romerr.evaluate(body, basis, traj, residual="expanded", **options)
     out = report.output("x")
@@ -145,9 +147,8 @@ def test_far_shorter_steps_than_a_mode_are_each_made_anew(factor):
 def test_auto_count_ignores_an_output_that_sees_nothing():
     """An output row on a fixed coordinate is zero; it neither warns nor asks for more modes."""
     body = romerr.ElasticBody(np.eye(4), 100 * np.eye(4) + np.ones((4, 4)), fixed=[0], rayleigh=(0.1, 0.0))
-    zero = np.zeros((3, 1))
-    traj = romerr.Trajectory(np.arange(3.0), zero, zero, zero)
-    report = romerr.evaluate(body, romerr.modal_basis(body, 1), traj, outputs=[romerr.Output("held", np.eye(4)[0])])
+    held = romerr.Output("held", np.eye(4)[0])
+    report = romerr.evaluate(body, romerr.modal_basis(body, 1), resting(np.arange(3.0)), outputs=[held])
     assert np.all(report.output("held").bound["best"] == 0)
 
 
@@ -156,10 +157,10 @@ def test_bounds_are_linear_in_extreme_loads(scale):
     """Squares of norms would vanish or overflow; the bounds scale with the load."""
     body, t = chain(6, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 101)
     basis = romerr.modal_basis(body, 2)
-    _, motion, B = released(body, basis, 0.0, t)
+    _, once, B = released(body, basis, 0.0, t)
 
     def bounds(factor):
-        traj = romerr.Trajectory(t, *(factor * x for x in motion), np.full(101, factor))
+        traj = romerr.Trajectory(t, *(factor * x for x in (once.q, once.q_t, once.q_tt, once.u)))
         options = {"outputs": [romerr.Output("x", np.eye(6)[0])], "estimators": ("fast", "energy", "auxiliary")}
         return romerr.evaluate(body, basis, traj, inputs=B, auxiliary_modes=3, **options).output("x").bound
 
@@ -187,9 +188,7 @@ def test_body_that_stays_at_rest_has_bounds_at_nodes_by_every_estimator():
 
 def test_too_long_a_run_for_sums_over_all_steps_is_refused():
     """A table of the kernel over 1e6 rad would take gigabytes."""
-    body, t = chain(2, rayleigh=(0.1, 0.0)), np.linspace(0, 1e5, 4)
-    zero = np.zeros((4, 1))
-    traj = romerr.Trajectory(t, zero, zero, zero)
+    body, traj = chain(2, rayleigh=(0.1, 0.0)), resting(np.linspace(0, 1e5, 4))
     options = {"estimators": "convolution", "kernels": "spectrum"}
     with pytest.raises(romerr.AssumptionError, match="run of more than"):
         romerr.evaluate(body, romerr.modal_basis(body, 1), traj, **options)

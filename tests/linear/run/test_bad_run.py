@@ -130,16 +130,10 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("name", OUTPUTS)
-def test_outputs(name):
-    """Rows, names, and what the makers of outputs take."""
-    check_refused(*OUTPUTS[name])
-
-
-@pytest.mark.parametrize("name", RUNS)
-def test_runs(name):
-    """Trajectories, loads, initial states, names of estimators, kernels and residuals."""
-    check_refused(*RUNS[name])
+@pytest.mark.parametrize("row", [*OUTPUTS.values(), *RUNS.values()], ids=[*OUTPUTS, *RUNS])
+def test_what_is_wrong_is_named(row):
+    """Outputs and their makers; trajectories, loads, initial states, names of estimators, kernels and residuals."""
+    check_refused(*row)
 
 
 def test_nothing_is_wrong_without_the_mistake():
