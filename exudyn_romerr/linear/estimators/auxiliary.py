@@ -6,7 +6,7 @@ import numpy as np
 
 from ...linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ...linalg.modal_oscillators import ModalOscillators
-from ..residual.modal_split import NormsAbove
+from ..residual.modal_split import above
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
 from .bounds import Bounds
@@ -32,11 +32,11 @@ class Auxiliary(Energy):
         if problem.body.modal is not None:
             self.assumes = "damping ratios by mode"
         self.oscillators = ModalOscillators(modes.omega, problem.body.damping_ratios(modes.omega))
-        above = NormsAbove(problem.rows, modes)
-        self._take(problem, split, split.rates, above)
+        rest = above(problem.rows, modes)
+        self._take(problem, split, split.rates, rest)
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
         self.start_rows = split.PL
-        self.CP = above.C @ modes.P
+        self.CP = rest.C @ modes.P
         self.mode_residual, self.beta = modes.residual, problem.body.proportional[1]
 
     def start(self, start: Start) -> Bounds:

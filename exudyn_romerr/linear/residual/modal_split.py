@@ -145,19 +145,8 @@ class Split(DualNorms):
         return np.column_stack([PL, omega**2 * (MP.T @ q0), MP.T @ q0_t])
 
 
-class NormsAbove(OutputNorms):
-    """Norms of output rows on the rest above auxiliary modes; static_rows are C K^-1 L_rest."""
-
-    def __init__(self, whole: OutputNorms, modes: AuxiliaryModes):
-        super().__init__(whole.body, whole.C, whole.velocity_rows, whole.dual)
-        self._whole, self._modes = whole, modes
-
-    @cached_property
-    def Y_C_M(self) -> np.ndarray:
-        """The rest of C^T where |.|_{M^-1} is the 2-norm, (n_free, R)."""
-        return without(self._modes.Y_M, self._whole.Y_C_M)
-
-    @cached_property
-    def Y_C_K(self) -> np.ndarray:
-        """The rest of C^T where |.|_{K^-1} is the 2-norm, (n_free, R)."""
-        return without(self._modes.Y_K, self._whole.Y_C_K)
+def above(rows: OutputNorms, modes: AuxiliaryModes) -> OutputNorms:
+    """Return norms of output rows on the rest above auxiliary modes; static_rows are C K^-1 L_rest."""
+    rest = OutputNorms(rows.body, rows.C, rows.velocity_rows, rows.dual)
+    rest.Y_C_M, rest.Y_C_K = without(modes.Y_M, rows.Y_C_M), without(modes.Y_K, rows.Y_C_K)
+    return rest

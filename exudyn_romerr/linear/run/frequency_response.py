@@ -25,7 +25,7 @@ from ...process.blas_threads import one_thread
 from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
 from ..estimators.round_off import RoundOff, of_input
 from ..residual.decay_rates import is_symmetric, smallest_rate
-from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP, NormsAbove
+from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP, above
 from ..residual.problem import BoundOptions, Problem
 from ..residual.residual import OrthonormalNorm
 
@@ -227,12 +227,12 @@ class ProportionalDamping:
 
     def __init__(self, problem: Problem):
         body, split, modes = problem.body, problem.split, problem.split.modes
-        above, k = NormsAbove(problem.rows, modes), problem.map.coordinates.k
+        rest, k = above(problem.rows, modes), problem.map.coordinates.k
         self.omega, self.cut = modes.omega, modes.cut
         self.damping, self.rayleigh = 2 * body.damping_ratios(modes.omega) * modes.omega, body.proportional
-        self.PL, self.CP = split.PL, above.C @ modes.P
-        self.static_rows = above.Y_C_K.T @ problem.dual.Y_K[:, :k]
-        self.norm, self.C_rest, self.C_K = split.norm_K, above.C_K, problem.rows.C_K
+        self.PL, self.CP = split.PL, rest.C @ modes.P
+        self.static_rows = rest.Y_C_K.T @ problem.dual.Y_K[:, :k]
+        self.norm, self.C_rest, self.C_K = split.norm_K, rest.C_K, problem.rows.C_K
         rounded = body.stiffness_factor.half_solve(abs(body.K) @ np.abs(modes.P))
         eps = ROUNDED * body.precision["stiffness"]
         self.inexact = modes.residual + eps * np.linalg.norm(rounded, axis=0) / modes.omega

@@ -13,7 +13,7 @@ from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
 from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from exudyn_romerr.linear.residual.decay_rates import body_rates, rayleigh_rates
-from exudyn_romerr.linear.residual.modal_split import NormsAbove
+from exudyn_romerr.linear.residual.modal_split import above
 from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import DAMPINGS, model
@@ -131,18 +131,18 @@ def test_split_leaves_the_modes_above(m):
     omega, shapes = full.modes
     C, B, V = RNG.standard_normal((2, full.N)), RNG.standard_normal((full.N, 1)), RNG.standard_normal((full.N, 3))
     problem = Problem(full.body, Basis(V), BoundOptions(inputs=B, outputs=[Output("y", C)], auxiliary_modes=m))
-    split, above = problem.split, slice(m, None)
-    rows = NormsAbove(problem.rows, split.modes)
+    split, higher = problem.split, slice(m, None)
+    rows = above(problem.rows, split.modes)
     size = problem.rows.C_K.max()
-    assert np.max(np.abs(rows.C_K - la.norm(C @ shapes[:, above] / omega[above], axis=1))) < 1e-12 * size
-    assert np.max(np.abs(rows.C_M - la.norm(C @ shapes[:, above], axis=1))) < 1e-11 * problem.rows.C_M.max()
+    assert np.max(np.abs(rows.C_K - la.norm(C @ shapes[:, higher] / omega[higher], axis=1))) < 1e-12 * size
+    assert np.max(np.abs(rows.C_M - la.norm(C @ shapes[:, higher], axis=1))) < 1e-11 * problem.rows.C_M.max()
     z = RNG.standard_normal((5, problem.map.coordinates.k))
-    rest = z @ problem.map.L.T @ shapes[:, above]
-    for norm, weight in ((split.norm_K, omega[above]), (split.norm_static, omega[above] ** 2), (split.norm_M, 1.0)):
+    rest = z @ problem.map.L.T @ shapes[:, higher]
+    for norm, weight in ((split.norm_K, omega[higher]), (split.norm_static, omega[higher] ** 2), (split.norm_M, 1.0)):
         assert np.max(np.abs(norm(z) - la.norm(rest / weight, axis=1))) < 1e-11 * np.max(
             norm(z) + problem.dual.norm_M(z)
         )
-    static = z @ problem.map.L.T @ shapes[:, above] / omega[above] ** 2 @ shapes[:, above].T @ C.T
+    static = z @ problem.map.L.T @ shapes[:, higher] / omega[higher] ** 2 @ shapes[:, higher].T @ C.T
     assert np.max(np.abs(z @ rows.static_rows.T - static)) < 1e-11 * np.max(np.abs(z @ problem.rows.static_rows.T))
 
 
