@@ -51,7 +51,7 @@ class DualNorms:
         """Columns apply([L, K q0, M q0']); those of the matrix `exact` by multiply(vectors): no digits get lost."""
         first, *damping, last = self.map.of_motion
         V, B = self.map.V, self.map.B
-        parts = [("M", V, first), *(("D", V, x) for x in damping), ("K", V, last), ("B", B, -B)]
+        parts = [("M", V, first), *(("D", V, x) for x in damping), ("K", V, last), ("-B", B, B)]
         if self.initial_state is not None:
             q0, q0_t = (x[:, None] for x in self.initial_state)
             parts += [("K", q0, self.body.K @ q0), ("M", q0_t, self.body.M @ q0_t)]
@@ -59,6 +59,8 @@ class DualNorms:
         for name, vectors, forces in parts:
             own = result[:, at : at + vectors.shape[1]]
             by_columns(multiply if name == exact else apply, vectors if name == exact else forces, out=own)
+            if name == "-B":
+                np.negative(own, out=own)
             at += vectors.shape[1]
         return result
 
