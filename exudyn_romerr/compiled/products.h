@@ -1,4 +1,4 @@
-/* The loops of rows_times and largest_sizes in linalg/blocked_products.py, and of linalg/linear_recurrence.py. */
+/* The loops of rows_times, largest_sizes and decaying_sums in linalg/blocked_products.py. */
 
 /* What the text of rows_times() in loops.c says. */
 typedef struct {
