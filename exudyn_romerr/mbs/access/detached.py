@@ -10,7 +10,7 @@ import random
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ...errors import AssumptionError
+from .equations import current_state, state_set
+from .mbs_items import Items
 
 PLACES = ("stdlib", "platstdlib", "purelib", "platlib")
 INSTALLED = tuple(str(Path(sysconfig.get_path(place)).resolve()) + os.sep for place in PLACES)
@@ -302,3 +304,71 @@ def _file_of(module: str) -> str:
 def _is_users(file: str) -> bool:
     """Whether code is in a file that nobody has installed, or in none."""
     return not (file and str(Path(file).resolve()).startswith((*INSTALLED, OURS)))
+
+
+LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
+MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
+LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
+
+
+def controller(mbs: Any, number: int, load: dict[str, Any]) -> str:
+    """Return the name of a load that is no function of time alone: it sees the motion, or keeps something; else "".
+
+    Copies of its functions are called in this state twice, in another one and a little later. Those that keep what
+    cannot be copied are not called.
+    """
+    why = _why_not_by_time_alone(mbs, load)
+    return "" if why is None else f"load {number} ({load['name']}{why})"
+
+
+def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
+    """None if a load is a function of time alone; else what its function keeps, if that cannot be copied."""
+    if not (functions := load_functions(load)):
+        return None
+    t = mbs.systemData.GetTime()
+    given, detached = load.get("loadVector", load.get("load")), Detached(mbs, functions)
+    if detached.lost:
+        return f", whose function keeps what cannot be copied: {detached.lost}"
+
+    def values(at: float = t) -> Any:  # given as Exudyn does: a number, or a list of their own, to write to
+        return np.hstack(
+            [np.ravel(detached.of(f)(OnlyReads(mbs), at, np.asarray(given).tolist())) for f in functions]
+        )
+
+    with detached.in_use(mbs):
+        try:
+            found = [values(), _elsewhere(mbs.systemData, values)]
+        except AssumptionError as error:
+            return f", for {error}"
+        with suppress(Exception):  # a table that ends here
+            values(t + LATER * max(abs(t), 1.0))
+        found.append(values())
+    same = all(np.array_equal(found[0], row, equal_nan=True) for row in found)
+    return None if same and not detached.has_changed() else ""
+
+
+def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
+    """What values are in another state: each coordinate is moved by another amount."""
+    q, q_t, q_tt, multipliers = current_state(system)
+    shifts, rates = (MOVED * (1 + of(np.arange(len(q)))) for of in (np.sin, np.cos))
+    with state_set(system, system.GetTime(), (q + shifts, q_t + rates, q_tt + shifts, multipliers + MOVED)):
+        return values()
+
+
+def load_functions(load: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
+    found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
+    return [f for f in found if callable(f)]
+
+
+def user_functions(mbs: Any) -> list[Callable]:
+    """Return the user functions of loads and objects."""
+    items = Items(mbs)
+    found = [f for load in items.loads for f in load_functions(load)]
+    return [*found, *(f for item in items.objects for f in functions_of(item))]
+
+
+def functions_of(item: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of an object."""
+    values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
+    return [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]

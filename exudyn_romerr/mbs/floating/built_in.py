@@ -17,13 +17,10 @@ import numpy as np
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
 from ..access.copied_mbs import bare, object_terms
-from ..access.detached import Detached
-from ..access.endings import raised
-from ..access.equations import Equations
-from ..access.load_functions import functions_of
+from ..access.detached import Detached, functions_of
+from ..access.equations import Equations, set_state
 from ..access.mbs_items import QUATERNIONS, Items, dense
-from ..access.solvers import threads
-from ..access.state_guard import set_state
+from ..access.solvers import raised, threads
 from .floating_body import object_of
 
 if TYPE_CHECKING:

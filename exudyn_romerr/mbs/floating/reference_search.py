@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ...model.body import ElasticBody
-    from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
+    from .loads_and_joints import Actions
 
 MASS_ORTHOGONAL = "rigid motions, M-orthogonal"
 OF_THE_FRAME = (

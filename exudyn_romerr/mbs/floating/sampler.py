@@ -17,9 +17,9 @@ from ...model.floating_frame import RIGID_INERTIA, inertia_columns, inertia_coor
 if TYPE_CHECKING:
     from ...linear.run.offline import Offline
     from ...model.floating_frame import FrameMotion
-    from .actions import Actions
     from .floating_body import FloatingBody
     from .frame_node import FrameNode, RigidPart
+    from .loads_and_joints import Actions
 
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 TOLD_APART = 1e-8  # smallest singular value of the wrenches in V^T R = 0, of the largest, that still tells them

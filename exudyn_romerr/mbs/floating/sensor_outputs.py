@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
+from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...errors import InputError
-from ...model.outputs import Output, nodes_output
+from ...model.outputs import Output, mean_displacement, nodes_output
 from ...report.data import IN_THE_FRAME
 from ..access.mbs_items import Items, sensor_names
-from .loads_and_joints import MESH_MARKERS
+from .loads_and_joints import MESH_MARKERS, read_interfaces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -183,3 +184,46 @@ def _nodes(
     if np.any(marker.get("offset", 0.0)):
         raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
     return tuple(int(node) for node in marker["meshNodeNumbers"]), tuple(map(float, marker["weightingFactors"]))
+
+
+def shows_motion(mbs: Any) -> bool:
+    """Whether the mbs has a sensor of its state."""
+    return any(sensor["sensorType"] not in NO_STATE for sensor in Items(mbs).sensors)
+
+
+def add_chosen_sensors(mbs: Any, bodies: Sequence[int]) -> None:
+    """Give an mbs without sensors, before it is assembled, those of its bodies' interfaces and farthest nodes."""
+    if shows_motion(mbs):
+        return
+    local = exu.OutputVariableType.DisplacementLocal
+    for body in bodies:
+        item = mbs.GetObject(body)
+        x, ends = np.asarray(item["referencePositions"], dtype=float).reshape(-1, 3), []
+        for i, marker in enumerate(Items(mbs).markers):
+            if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == body:
+                nodes, weights = marker["meshNodeNumbers"], np.asarray(marker["weightingFactors"])
+                ends.append(weights @ x[[int(node) for node in nodes]])
+                show = exu.OutputVariableType.Displacement
+                mbs.AddSensor(SensorMarker(name=f"marker {i} chosen", markerNumber=i, outputVariableType=show))
+        far = _farthest(x, ends)
+        name = f"{item['name']}, node {far}"
+        mbs.AddSensor(SensorSuperElement(name=name, bodyNumber=body, meshNodeNumber=far, outputVariableType=local))
+
+
+def _farthest(x: np.ndarray, ends: Sequence[np.ndarray]) -> int:
+    """The node of x (nodes, 3) that is farthest from the nearest of some places."""
+    ends = ends or [x.mean(axis=0)]
+    return int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
+
+
+def chosen_outputs(mbs: Any, flex: FloatingBody) -> list[Output]:
+    """Return displacements in a body's frame of its interfaces, and of the node that is farthest from them."""
+    name = mbs.GetObject(flex.number)["name"] or f"body {flex.number}"
+    interfaces = read_interfaces(mbs, flex)
+    x = flex.positions
+    far = _farthest(x, [motion.weights @ x[motion.nodes] for motion in interfaces.values()])
+    shown = [(place, motion.nodes, motion.weights) for place, motion in interfaces.items()]
+    return [
+        mean_displacement(f"{name}, {place}", nodes=nodes, weights=weights)
+        for place, nodes, weights in [*shown, (f"node {far}", [far], None)]
+    ]

@@ -21,9 +21,8 @@ from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
-from ..access.equations import Equations
+from ..access.equations import Equations, state_in_place
 from ..access.solvers import threads
-from ..access.state_guard import state_in_place
 from .pre_step import PreStep
 from .vectors import Enriched
 

@@ -28,8 +28,8 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.load_functions import user_functions
-from ..access.state_guard import state_set
+from ..access.detached import user_functions
+from ..access.equations import state_set
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy

@@ -25,8 +25,8 @@ from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
 from ..floating.floating_body import FloatingBody
+from ..floating.moving_subject import require_free_node
 from ..floating.reference_search import seen_body, stiff_space
-from ..floating.scope_decision import require_free_node
 from .weight import weight_of
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding

@@ -13,8 +13,7 @@ from ...linear.run.record import UNKNOWN
 from ...linear.run.run import BLOCK, Run, doubts_in
 from ...report.scope import COUPLED
 from ...report.wording import not_certified
-from ..access.endings import SAME_TIME
-from ..access.solvers import solver_facts
+from ..access.solvers import SAME_TIME, solver_facts
 
 if TYPE_CHECKING:
     from ...linear.run.offline import Offline

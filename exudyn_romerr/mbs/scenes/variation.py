@@ -16,8 +16,8 @@ import numpy as np
 
 from ...mode_selection.modal_content import FurtherModes
 from ...report.verdicts import until, until_load
-from ..access.endings import SAME_TIME, ended_by
 from ..access.mbs_items import Items
+from ..access.solvers import SAME_TIME, ended_by
 from .found_bodies import StandIn
 
 if TYPE_CHECKING:
@@ -179,10 +179,10 @@ class Variation(StandIn):
         return call(mbs, item)
 
     def _assemble(self, call: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-        from .chosen_outputs import add_chosen_sensors  # once a script has configured what it likes
+        from ..floating.sensor_outputs import add_chosen_sensors  # once a script has configured what it likes
         from .wider_body import widen
 
-        add_chosen_sensors(mbs, self._bodies.of(mbs))
+        add_chosen_sensors(mbs, [body.number for body in self._bodies.of(mbs)])
         for body in self._bodies.of(mbs):
             vectors = self._vectors.get(body.order)
             if vectors is not None and mbs.GetObject(body.number)["modeBasis"].shape[1] == body.modes:

@@ -16,7 +16,7 @@ from ...errors import RunError
 from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
-from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
+from ..access.solvers import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
 from .found_bodies import StandIn
 
 if TYPE_CHECKING:

@@ -23,9 +23,8 @@ from exudyn_romerr import (
     mean_motion,
     node_displacement,
 )
-from exudyn_romerr.mbs.floating import actions, reference_search
 from exudyn_romerr.mbs.floating import floating_body as floating_module
-from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
+from exudyn_romerr.mbs.floating import loads_and_joints, reference_search
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 from tests.helpers import tolerances as tol
@@ -501,7 +500,7 @@ def test_other_damping_is_caught(name, factors, monkeypatch):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_swapped_nodes_of_an_interface_are_caught(name, monkeypatch):
-    place = actions_module._place
+    place = loads_and_joints._place
 
     def swapped(number, marker, flex):
         nodes, weights = np.array(marker["meshNodeNumbers"]), np.asarray(marker["weightingFactors"])
@@ -510,7 +509,7 @@ def test_swapped_nodes_of_an_interface_are_caught(name, monkeypatch):
             nodes[pair] = nodes[pair[::-1]]
         return place(number, {**marker, "meshNodeNumbers": nodes}, flex)
 
-    monkeypatch.setattr(actions_module, "_place", swapped)
+    monkeypatch.setattr(loads_and_joints, "_place", swapped)
     assert accused(run_model(name))
 
 
@@ -518,7 +517,7 @@ def test_swapped_nodes_of_an_interface_are_caught(name, monkeypatch):
 def test_torque_taken_without_the_turn_of_its_interface_is_caught(name, monkeypatch):
     flat = SimpleNamespace(from_rotvec=lambda theta: Rotation.identity())
     fakes = {"left_jacobian": lambda theta: np.tile(np.eye(3), (len(theta), 1, 1)), "Rotation": flat}
-    monkeypatch.setattr(transform if name == "Rotation" else actions, name, fakes[name])
+    monkeypatch.setattr(transform if name == "Rotation" else loads_and_joints, name, fakes[name])
     scene = supported(soft=SOFT)
     add_load(scene, scene.right, TORQUE, torque=True, bodyFixed=True)
     assert accused(run(scene))
