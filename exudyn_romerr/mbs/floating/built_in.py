@@ -8,7 +8,6 @@ this body and nothing else. What they do along a run is checked with all the res
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import exudyn as exu
@@ -92,8 +91,7 @@ def built_in(mbs: Any, flex: FloatingBody) -> tuple[dict[str, Any], np.ndarray]:
 def _built_in(item: dict[str, Any], flex: FloatingBody) -> dict[str, Any]:
     """What a built-in object has with the modes and reduced matrices of this one."""
     V, x, mass = np.asarray(item["modeBasis"], dtype=float), flex.positions, flex.mass[::3, ::3]
-    sums = ShapeSums.of(flex.mass, flex.stiffness, x, V)
-    made = object_terms(SimpleNamespace(shapes=V, sums=sums, damping=lambda *of: 0 * of[2]))
+    made = object_terms(V, ShapeSums.of(flex.mass, flex.stiffness, x, V))
     total, second = float(mass.sum()), x.T @ (mass @ x)
     middle = np.asarray(mass.sum(axis=0)).ravel() @ x / total
     return {

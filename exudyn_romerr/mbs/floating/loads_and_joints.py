@@ -1,4 +1,4 @@
-"""Reads what acts on a floating body: loads, which are known, wrenches of joints, which are not (theory.md 7)."""
+"""What acts on a floating body: loads, which are known, and wrenches of joints, which are not (theory.md 7)."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ REMEMBERS = (
     "the function of a load, called for t = {:g} to {:g} s away from the run, keeps something from call to call: its "
     "values are not those of the run; make it a function of time alone"
 )
+WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
+FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
+MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
 NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditions hold a marker's motion at zero
 
 
@@ -63,7 +66,7 @@ class OfTime:
     """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference.
 
     at : of the function, a function of time; None: the vector is `given` all the time. given : (3,), what the
-    function is given. name : of the load, in lines of the plan.
+    function is given. name, number : of the load.
     """
 
     at: Callable[[Callable | None], Callable[[float], Any]] | None
@@ -71,6 +74,13 @@ class OfTime:
     mbs: Callable[[], Any] | None = None
     given: tuple[float, ...] = ()
     name: str = ""
+    number: int = -1
+
+    def by(self, detached: Detached) -> Callable[[float], Any]:
+        """Return it as a function of time that calls a copy of the user's."""
+        if self.at is None:
+            return lambda t: self.given
+        return self.at(self.function and detached.of(self.function))
 
 
 @dataclass(frozen=True)
@@ -144,6 +154,11 @@ class Actions:
             return np.broadcast_to(sum((np.array(g.given) for g in self.gravity), np.zeros(3)), (len(t), 3))
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
 
+    def gravity_by(self, detached: Detached) -> Callable[[float], np.ndarray]:
+        """Return gravity (3,) as a function of time that calls copies of the user's, while these are in use."""
+        parts = [one.by(detached) for one in self.gravity]
+        return lambda t: sum((np.asarray(part(t), float) for part in parts), np.zeros(3))
+
     def sizes_of_gravity(self) -> np.ndarray:
         """Return the sum (3,) of the sizes of all accelerations of gravity at the start."""
         return sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
@@ -185,7 +200,7 @@ def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
     detached = Detached(vector.mbs(), [vector.function])
     try:
         with detached.in_use(*filter(None, [vector.mbs()])):
-            return _values(vector.at(detached.of(vector.function)), times)
+            return _values(vector.by(detached), times)
     finally:  # what it keeps may make it fail, too
         if detached.has_changed():
             raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
@@ -198,26 +213,22 @@ def _values(at: Callable[[float], Any], times: np.ndarray) -> np.ndarray:
     return values
 
 
-def load_vector(mbs: Any, name: str, load: dict, load_factor: Callable | None) -> OfTime:
+def load_vector(mbs: Any, name: str, number: int, load: dict, load_factor: Callable | None) -> OfTime:
     """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
+    given = tuple(vector.tolist())
     if not user:
-        if load_factor is None:
-            return OfTime(None, given=tuple(vector.tolist()), name=name)
-        return OfTime(lambda _: lambda t: vector * load_factor(t), name=name)
-    f, given = user["function"], tuple(vector.tolist())
-    owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
-    # a list of its own, as Exudyn gives it: functions may write to it, and return it
-    if callable(f):
-        return OfTime(lambda f: lambda t: f(OnlyReads(owner()), t, [*given]), f, owner, given, name)
-    return OfTime(
-        lambda _: lambda t: f.Evaluate(owner(), t, [*given]), None, owner, given, name
-    )  # a symbolic function
+        at = None if load_factor is None else lambda _: lambda t: vector * load_factor(t)
+        return OfTime(at, given=given, name=name, number=number)
+    f, owner = user["function"], weakref.ref(mbs)  # the mbs holds the hook; one that held it would keep it for ever
 
+    def of_function(copy: Callable | None) -> Callable[[float], Any]:
+        # a list of its own, as Exudyn gives it: functions may write to it, and return it
+        if copy is None:  # a symbolic function
+            return lambda t: f.Evaluate(owner(), t, [*given])
+        return lambda t: copy(OnlyReads(owner()), t, [*given])
 
-WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
-FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
-MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
+    return OfTime(of_function, f if callable(f) else None, owner, given, name, number)
 
 
 def read_actions(
@@ -329,11 +340,11 @@ def _read_loads(items: Items, flex: FloatingBody, actions: Actions, load_factor:
                     f"{unknown}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
                     "it is between the solver's calls is not known; make it a function of time alone"
                 )
-            actions.gravity.append(load_vector(mbs, name, load, load_factor))
+            actions.gravity.append(load_vector(mbs, name, i, load, load_factor))
         elif unknown:
             _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
         else:
-            actions.loads.append(_load(name, load, place, load_vector(mbs, name, load, load_factor)))
+            actions.loads.append(_load(name, load, place, load_vector(mbs, name, i, load, load_factor)))
 
 
 def _load(name: str, load: dict, place: Place, vector: OfTime) -> Load:

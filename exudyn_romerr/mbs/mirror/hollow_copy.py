@@ -7,13 +7,13 @@ differences of it. The mbs of the run is read once and never moved.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import exudyn as exu
 import numpy as np
 import scipy.linalg as la
 
+from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
 from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
@@ -321,4 +321,4 @@ def _massless(shapes: np.ndarray) -> dict[str, Any]:
     """What a body's object has of shapes (N, k) that have neither mass nor stiffness."""
     k = shapes.shape[1]
     sums = np.zeros((3, 3, k, k)), np.zeros((3, 3, k)), np.zeros((3, k)), np.zeros((k, k)), np.zeros((k, k))
-    return object_terms(SimpleNamespace(shapes=shapes, sums=sums, damping=lambda *of: 0 * of[2]))
+    return object_terms(shapes, ShapeSums(*sums))

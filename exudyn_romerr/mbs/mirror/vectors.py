@@ -24,10 +24,10 @@ from ...model.admissible_space import rigid_modes
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
+from ..access.mbs_items import Items
 from ..floating.floating_body import FloatingBody
 from ..floating.moving_subject import require_free_node
 from ..floating.reference_search import seen_body, stiff_space
-from .weight import weight_of
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
 HELD, NEW = 1e-6, 1e-6  # of a motion, of a vector: less is rounding, or what others hold
@@ -54,9 +54,7 @@ class KnownBody:
     @classmethod
     def of(cls, mbs: Any, flex: FloatingBody) -> KnownBody:
         """Read it."""
-        items, model, actions, _, held = seen_body(mbs, flex)
-        if model.rigid is not None:
-            require_free_node(items, model)
+        _, model, actions, _, held = seen_body(mbs, flex)
         stiff = stiff_space(flex, model.V, actions.interfaces())
         actions.drop_idle(held)
         return cls(flex, model, actions, held, stiff)
@@ -109,6 +107,8 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     """
     known = KnownBody.of(mbs, flex)
     model = known.model
+    if model.rigid is not None:
+        require_free_node(Items(mbs), model)
     P, parts, omega = _vectors(known, count)
     columns = np.hstack([*(place.columns for place in known.actions.places.values()), _read_by(mbs, flex, detached)])
     able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
@@ -118,7 +118,6 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
     coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
-    gravity, weights = weight_of(mbs, flex.number, detached)
     n, shapes = model.V.shape[1], np.hstack([model.V, P])
     held = np.hstack([model.held, P])
 
@@ -131,8 +130,9 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
         D[:n, :n] = model.D
         return D
 
+    gravity = known.actions.gravity_by(detached)
     body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
-    return Enriched(body, shapes, parts, weights, known)
+    return Enriched(body, shapes, parts, [load.number for load in known.actions.gravity], known)
 
 
 def _read_by(mbs: Any, flex: FloatingBody, detached: Detached) -> np.ndarray:
