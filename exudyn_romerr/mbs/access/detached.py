@@ -64,25 +64,43 @@ class Detached:
     Classes, functions and modules of libraries, and objects of Exudyn stay what they are; of main systems copies can
     only read. Does not cover: what functions of libraries keep, lists and the like that a class of the user's has.
 
-    lost : why they cannot be copied, so that they must not be called; empty: they can.
+    lost : why they cannot be copied, so that they must not be called; empty: they can. names : of globals and
+    attributes in the functions.
     """
 
     def __init__(self, mbs: Any, functions: Sequence[Callable]):
         """Copy; mbs : whose variables they know, None: of none."""
         self._functions, self.lost, self._kept = functions, "", b""
+        self._held: dict[int, Any] = {}  # what stays
+        self._classes: list[type] = []  # the user's
+        self._interfaces: list[Any] = []  # of bodies: their function for the mass writes into a matrix that they keep
+        self.names: set[str] = set()
         of_mbs = [{}, {}] if mbs is None else [mbs.variables, mbs.sys]
-        self._pickler, self._copies = _Pickler(), [*of_mbs, *functions]
+        self._copies = [*of_mbs, *functions]
         if functions:
             try:
-                self._kept = self._pickler.dumps(self._copies)
-                self._copies = self._pickler.loads(self._kept)
+                self._kept = self._pickled(self._copies)
+                self._copies = self._unpickled(self._kept)
             except Exception as error:  # whatever a script may hold
                 self.lost = str(error)
 
-    @property
-    def names(self) -> set[str]:
-        """Globals and attributes that the functions name."""
-        return self._pickler.names
+    def _pickled(self, value: Any, to_be_read: bool = True) -> bytes:
+        """Return it pickled; else as it is compared, without variables of modules, of which copies have others."""
+        file = io.BytesIO()
+        _Writer(file, self, to_be_read).dump(value)
+        return file.getvalue()
+
+    def _unpickled(self, kept: bytes) -> Any:
+        return _Reader(io.BytesIO(kept), self._held).load()
+
+    def held(self, x: Any) -> tuple:
+        """Return how something is pickled that stays what it is."""
+        if id(x) not in self._held and isinstance(x, type) and _is_users(_file_of(x.__module__)):
+            self._classes.append(x)
+        if id(x) not in self._held and type(x).__name__ == INTERFACE:
+            self._interfaces.append(x)
+        self._held[id(x)] = x
+        return _same, (id(x),)
 
     @property
     def spaces(self) -> tuple[Any, Any]:
@@ -98,15 +116,15 @@ class Detached:
         """Whether the copies keep something else than at first."""
         if not self._functions or self.lost:
             return False
-        now, first = (self._pickler.dumps(x, False) for x in (self._copies, self._pickler.loads(self._kept)))
+        now, first = (self._pickled(x, False) for x in (self._copies, self._unpickled(self._kept)))
         return now != first
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:
         """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses."""
         of_random, of_numpy = random.getstate(), np.random.get_state(legacy=False)
-        of_classes = [(one, name, x) for one in self._pickler.classes for name, x in _numbers(one)]
-        masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._pickler.interfaces]
+        of_classes = [(one, name, x) for one in self._classes for name, x in _numbers(one)]
+        masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._interfaces]
         own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if self._functions and not self.lost]
         try:
             for mbs, *_ in own:
@@ -127,35 +145,6 @@ def _numbers(of: type) -> list[tuple[str, Any]]:
     return [(name, x) for name, x in vars(of).items() if type(x) in NUMBERS and not name.startswith("__")]
 
 
-class _Pickler:
-    """Pickles what functions keep, but for what stays what it is; the user's functions and modules by their parts."""
-
-    def __init__(self) -> None:
-        self._held: dict[int, Any] = {}  # what stays
-        self.classes: list[type] = []  # the user's
-        self.interfaces: list[Any] = []  # of bodies: their function for the mass writes into a matrix that they keep
-        self.names: set[str] = set()  # of globals and attributes in the user's functions
-
-    def dumps(self, value: Any, to_be_read: bool = True) -> bytes:
-        """Return it pickled; else as it is compared, without variables of modules, of which copies have others."""
-        file = io.BytesIO()
-        _Writer(file, self, to_be_read).dump(value)
-        return file.getvalue()
-
-    def loads(self, kept: bytes) -> Any:
-        """Return a copy of what was pickled."""
-        return _Reader(io.BytesIO(kept), self._held).load()
-
-    def held(self, x: Any) -> tuple:
-        """Return how something is pickled that stays what it is."""
-        if id(x) not in self._held and isinstance(x, type) and _is_users(_file_of(x.__module__)):
-            self.classes.append(x)
-        if id(x) not in self._held and type(x).__name__ == INTERFACE:
-            self.interfaces.append(x)
-        self._held[id(x)] = x
-        return _same, (id(x),)
-
-
 class _Reader(pickle.Unpickler):
     """Gives what stays."""
 
@@ -170,7 +159,9 @@ class _Reader(pickle.Unpickler):
 
 
 class _Writer(pickle.Pickler):
-    def __init__(self, file: io.BytesIO, of: _Pickler, to_be_read: bool):
+    """Pickles what functions keep, but for what stays what it is; the user's functions and modules by their parts."""
+
+    def __init__(self, file: io.BytesIO, of: Detached, to_be_read: bool):
         super().__init__(file, pickle.HIGHEST_PROTOCOL)
         self._of, self._to_be_read = of, to_be_read
         self._spaces = 0

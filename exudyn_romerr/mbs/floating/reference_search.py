@@ -142,8 +142,8 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
                 f"allowed {SMALL:g}; {_cure(flex, V)}"
             )
         return found
-    tried = {}
-    for candidates in (interfaces, _node_sets(flex.fem), {MASS_ORTHOGONAL: MassOrthogonal()}):
+    tried, groups = {}, (interfaces, _node_sets(flex.fem), {MASS_ORTHOGONAL: MassOrthogonal()})
+    for candidates in groups:
         tried |= {name: _misfit(candidate, flex, V) for name, candidate in candidates.items()}
         fits = {name: candidate for name, candidate in candidates.items() if tried[name] <= HELD}
         if fits:
@@ -151,8 +151,7 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
     still = still_nodes(flex, V)
     if holds(still, flex.positions):
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
-    candidates = {**interfaces, **_node_sets(flex.fem), MASS_ORTHOGONAL: MassOrthogonal()}
-    known = (Reference(candidate, name) for name, candidate in candidates.items() if np.isfinite(tried[name]))
+    known = (Reference(x, name) for group in groups for name, x in group.items() if np.isfinite(tried[name]))
     near = [_nearly(reference, flex, V) for reference in known]
     best = min(near, key=lambda found: found.share, default=None)
     if best is not None and best.share <= SMALL:
@@ -295,19 +294,19 @@ def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
 
 
 def _node_sets(fem: Any) -> dict[str, MeanMotion]:
-    """Node sets of the fem of at least three nodes, with their weights and with equal ones."""
-    found = {}
-    for entry in getattr(fem, "nodeSets", None) or []:
-        nodes, weights = entry.get("NodeNumbers", ()), entry.get("NodeWeights", ())
-        if len(nodes) < 3:
-            continue
-        found[f"node set {entry.get('Name', '')!r}"] = _checked(nodes, weights if len(weights) else None)
+    """Node sets of the fem of at least three nodes, with their weights."""
+    found = {
+        f"node set {entry.get('Name', '')!r}": motion_of(entry.get("NodeNumbers", ()), entry.get("NodeWeights", ()))
+        for entry in getattr(fem, "nodeSets", None) or []
+        if len(entry.get("NodeNumbers", ())) >= 3
+    }
     return {name: motion for name, motion in found.items() if motion is not None}
 
 
-def _checked(nodes: Any, weights: Any) -> MeanMotion | None:
+def motion_of(nodes: Any, weights: Any) -> MeanMotion | None:
+    """Return the mean motion of nodes with weights, which are equal where none are given; None: it is none."""
     try:
-        return mean_motion(nodes, weights)
+        return mean_motion(nodes, weights if len(weights) else None)
     except InputError:
         return None
 

@@ -22,7 +22,7 @@ from ...mode_selection.search import cheapest, search
 from ...mode_selection.tried_run import STEP, TriedRun, outputs_of
 from ...progress import progress
 from ..monitoring.attach import checked_tolerance
-from .scene_run import Trial, build_trial, same_times
+from .two_level import Trial, build_trial, same_times
 
 if TYPE_CHECKING:
     from collections.abc import Callable

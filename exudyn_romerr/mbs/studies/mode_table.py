@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +21,19 @@ from ...mode_selection.mode_properties import (
 )
 from ...mode_selection.mode_table import ModeTable
 from ...mode_selection.without_modes import InRun
-from ...model.admissible_space import MeanMotion, mean_motion
+from ...model.admissible_space import MeanMotion
 from ...model.body import ElasticBody
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
-from ..floating.reference_search import find_reference, held_body, holds, rigid_motions_in, still_nodes, unmarked
+from ..floating.reference_search import (
+    find_reference,
+    held_body,
+    holds,
+    motion_of,
+    rigid_motions_in,
+    still_nodes,
+    unmarked,
+)
 
 if TYPE_CHECKING:
     from ...report.report import BoundReport
@@ -124,15 +132,8 @@ def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion
     given += [(name, nodes, ()) for name, nodes, _ in given]
     given += [(name, x.nodes, x.weights) for name, x in flex.known.get("interfaces", {}).items()]
     given += [("", sorted(nodes), ()) for nodes in [*unmarked(flex, V), still_nodes(flex, V).tolist()]]
-    return [(name, motion) for name, nodes, weights in given if (motion := _motion(flex, nodes, weights)) is not None]
-
-
-def _motion(flex: FloatingBody, nodes: Any, weights: Any) -> MeanMotion | None:
-    try:
-        found = mean_motion(nodes, weights if len(weights) else None)
-    except InputError:
-        return None
-    return found if holds(found.nodes[found.weights > 0], flex.positions) else None
+    motions = [(name, motion_of(nodes, weights)) for name, nodes, weights in given]
+    return [(name, x) for name, x in motions if x is not None and holds(x.nodes[x.weights > 0], flex.positions)]
 
 
 def _moves(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> np.ndarray:

@@ -11,7 +11,7 @@ from exudyn.utilities import InertiaCuboid
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.floating.sensor_outputs import NO_STATE
 from exudyn_romerr.mbs.monitoring.monitor import NOT_TOLD
-from exudyn_romerr.mbs.studies.scene_run import build_trial
+from exudyn_romerr.mbs.studies.two_level import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve

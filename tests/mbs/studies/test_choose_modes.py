@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.studies.scene_run import Trial, build_trial
+from exudyn_romerr.mbs.studies.two_level import Trial, build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
 from exudyn_romerr.mode_selection.tried_run import BASIS, INTERFACES, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
