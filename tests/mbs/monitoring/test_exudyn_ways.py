@@ -1,11 +1,9 @@
 """Exudyn's own ways: bounds as sensors, bands on its plots, lines beside the solver's, sensors as outputs."""
 
 import dataclasses
-import gc
 import re
 import sys
 import types
-import weakref
 from pathlib import Path
 
 import exudyn as exu
@@ -189,17 +187,6 @@ def test_sensor_of_an_unknown_output():
     _, monitor, _ = chain()
     with pytest.raises(InputError, match="output='tap' is unknown; allowed: 'tip', 'two'"):
         monitor.bound_sensor("tap")
-
-
-def test_mbs_with_a_sensor_is_freed_when_dropped():
-    def run():
-        mbs, monitor, _ = chain()
-        mbs.SolveDynamic(written())
-        return weakref.ref(mbs), len(monitor.report().t)
-
-    mbs, _ = run()
-    gc.collect()
-    assert mbs() is None
 
 
 def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkeypatch):

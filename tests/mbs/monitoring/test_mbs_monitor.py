@@ -1,9 +1,7 @@
 """Monitor: runs, reports, tolerances and failures, along solves of every kind."""
 
-import gc
 import os
 import signal
-import weakref
 from contextlib import nullcontext
 from dataclasses import replace
 from unittest import mock
@@ -12,6 +10,7 @@ import exudyn as exu
 import numpy as np
 import pytest
 
+import exudyn_romerr as romerr
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
@@ -20,6 +19,7 @@ from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
+from models import floating
 from tests.helpers.mbs_scenes import (
     SOLVERS,
     TIP,
@@ -497,17 +497,6 @@ def test_error_in_a_later_block_keeps_what_is_before(monkeypatch, Failing, kept)
     assert mbs.systemData.GetTime() == pytest.approx(1.0)
 
 
-def test_mbs_is_freed_when_dropped():
-    def run():
-        mbs, _, monitor = scene()
-        solve(mbs)
-        return weakref.ref(mbs), len(monitor.report().t)
-
-    mbs, _ = run()
-    gc.collect()
-    assert mbs() is None
-
-
 def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
     """After 1600 steps the solver is at 0.1 - 4e-15; the user writes startTime = 0.1."""
     mbs, _, monitor = scene()
@@ -541,3 +530,18 @@ def test_a_monitor_shows_itself_in_one_line():
     todo = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve>"
     assert repr(monitor) == f"<Monitor of one body; {todo}"
     assert repr(MechanismMonitor(None, (monitor, monitor), None)) == f"<MechanismMonitor of 2 bodies; {todo}"
+
+
+# --- a run that a user function ended on purpose is a complete one, as long as it was ---
+
+
+def test_what_a_user_function_ends_on_purpose_is_complete():
+    scene = floating.pendulum(4, t_end=0.02)
+    scene.mbs.SetPostStepUserFunction(lambda mbs, t: t < 0.01)
+    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.items)])
+    scene.solve()
+    report = monitor.report()
+    said = "Until 0.01 of 0.02 s: a user function that returned False stopped it on purpose. Enough: "
+    assert report.summary(1e9).splitlines()[1].startswith(said)
+    assert all(body.on_purpose for body in report.bodies)
+    assert monitor.report(-1).on_purpose
