@@ -196,7 +196,7 @@ class MovingSubject:
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
         self._options, self._at_every_step = replace(options, outputs=options.outputs or ()), False
         self.columns = np.zeros(0, dtype=int)
-        self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
+        self._made: dict[tuple, Sampler] = {}  # for this solve and one before: a static one, most often
         self.body: ElasticBody | None = None
 
     def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
@@ -263,7 +263,7 @@ class MovingSubject:
         return (*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)]))
 
     def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
-        """Do the offline work of the body alone, unless nothing of it changed since."""
+        """Do the offline work of the body alone, unless that was done for this solve or the one before."""
         items, model, actions, _, body = seen
         if model.rigid is not None:
             require_free_node(items, model)
@@ -271,17 +271,14 @@ class MovingSubject:
             require_modal_damping(body, model.held, model.D)
         self._take_sensors(mbs, level)
         signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
-        if signature != self._signature:
-            now = (self._signature, self._sampler) if self._signature else ()
-            before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
-            if before and before[0] == signature:
-                _, self._sampler = before
-            else:
-                terms = InputTerms(actions, support.at_rest, self.flex, model.held, model.rigid)
-                offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
-                self._sampler = Sampler.of(model.frame, actions, terms, offline)
-            self._signature = signature
-        self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
+        known = self._made.pop(signature, None)
+        if known is None:
+            terms = InputTerms(actions, support.at_rest, self.flex, model.held, model.rigid)
+            offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
+            known = Sampler.of(model.frame, actions, terms, offline)
+        self._made = dict([*self._made.items()][-1:])
+        # functions of time may be other ones
+        self._made[signature] = self._sampler = replace(known, actions=actions)
         self.columns, self._model = _columns(mbs, model), model
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self.flex.carried)
@@ -299,7 +296,7 @@ class MovingSubject:
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
         self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
-        self._signature = self._before = ()
+        self._made = {}
 
     def frames(self, *states: np.ndarray) -> np.ndarray:
         """Return the motion (S, 24) of the frame in rows q, q_t, q_tt (S, all coordinates of the mbs)."""

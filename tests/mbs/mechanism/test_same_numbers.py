@@ -83,6 +83,7 @@ SCRIPT = """
 import hashlib, sys
 import numpy as np
 import exudyn_romerr as romerr
+from tests.mbs.mechanism.test_same_numbers import attached, mechanism_of
 
 np.random.seed(int(sys.argv[1]))
 before = np.random.get_state()[1].copy()

@@ -54,7 +54,7 @@ def turn(scene, anew=False):
     for solve in (mbs.SolveStatic, mbs.SolveDynamic):
         if anew:
             subject = scene.monitor.subject
-            subject._signature = subject._before = ()
+            subject._made = {}
         if solve == mbs.SolveStatic:
             mbs.systemData.SetODE2Coordinates(scene.begin, configuration=exu.ConfigurationType.Initial)
             solve(simulation, updateInitialValues=True)

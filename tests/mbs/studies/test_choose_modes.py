@@ -64,12 +64,11 @@ def crank_truth():
 
 
 def noting(build, built):
-    """Build, and keep the monitor of each scene."""
+    """Build, and keep what was built."""
 
     def build_and_note(n):
-        made = build(n)
-        built.append(made[1])
-        return made
+        built.append(build(n))
+        return built[-1]
 
     return build_and_note
 
@@ -95,12 +94,6 @@ def test_forecast_is_what_runs_with_more_and_fewer_modes_find(kind):
             assert forecast[name].bound(range(n)) == pytest.approx(
                 found, abs=FORECAST * found + forecast[name].largest_slack
             )
-
-
-def test_forecast_of_the_run_itself_is_its_bound():
-    forecast, report = forecasts_from(crank, 4, 12)
-    for name, out in report.outputs.items():
-        assert forecast[name].bound(range(4)) == pytest.approx(np.max(out.bound["best"]), rel=tol.SUMS)
 
 
 def test_forecast_of_outputs_in_global_axes():
@@ -141,10 +134,11 @@ def test_forecast_of_velocities():
     assert forecast.bound(range(0)) > 10 * forecast.largest_slack
 
 
-def test_onlookers_change_no_bound():
-    (_, with_content), without = forecasts_from(crank, 4, 12), solved(crank(4))
+def test_onlookers_change_no_bound_and_forecast_that_of_their_run():
+    (forecast, with_content), without = forecasts_from(crank, 4, 12), solved(crank(4))
     for name, out in without.outputs.items():
         seen = with_content.output(name).bound["best"]
+        assert forecast[name].bound(range(4)) == pytest.approx(seen.max(), rel=tol.SUMS)
         # modes of two builds differ in the last digits
         np.testing.assert_allclose(seen, out.bound["best"], rtol=1e-3, atol=1e-3 * seen.max())
 
@@ -161,7 +155,7 @@ def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth
     built = []
     choice = romerr.choose_modes(noting(crank, built), share, relative=True)  # of each output
     assert choice.met
-    assert sum(len(monitor.runs) for monitor in built) <= 4
+    assert sum(len(monitor.runs) for _, monitor, _ in built) <= 4
     worst = {}
     for n in (choice.n - 1, choice.n):
         report = choice.reports[0] if n == choice.n else solved(crank(n))
@@ -455,24 +449,14 @@ def test_dynamic_solve_inside_build_is_refused():
         romerr.choose_modes(build, {"tip": 1.0}, most=6)
 
 
-def test_onlookers_are_in_no_report_and_no_plan():
-    choice = romerr.choose_modes(crank, {"mid": 0.5}, relative=True, first=1, most=4)
+def test_onlookers_are_in_no_report_and_settings_are_as_they_were():
+    scenes = []
+    choice = romerr.choose_modes(noting(crank, scenes), {"mid": 0.5}, relative=True, first=1, most=4)
     report = choice.reports[0]
     assert list(report.outputs) == ["tip", "mid"]
     assert "content" not in str(report) + str(report.plan)
-
-
-def test_settings_are_as_they_were():
-    scenes = []
-
-    def build(n):
-        made = crank(n)
-        scenes.append(made[2])
-        return made
-
-    choice = romerr.choose_modes(build, {"mid": 0.5}, relative=True, first=1, most=4)
     assert choice.step_error is not None
-    assert {settings.timeIntegration.numberOfSteps for settings in scenes} == {120}
+    assert {settings.timeIntegration.numberOfSteps for *_, settings in scenes} == {120}
 
 
 def test_outputs_that_stay_zero_have_no_relative_tolerance():
