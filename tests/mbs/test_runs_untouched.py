@@ -8,11 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exudyn_romerr import attach, floating_body
+from exudyn_romerr import attach
 from models import mechanisms
 from models.controlled_arm import arm, controlled
 from tests.helpers import mbs_scenes
 from tests.helpers.mechanism_runs import BOTH, COUPLED, FROZEN, pendulum, solve, watch
+from tests.helpers.observed import attached
 from tests.mbs.control.test_controllers import by_variables
 from tests.mbs.floating.test_floating_scene import FORCE, SCENES, add_load, supported, watched
 
@@ -52,8 +53,7 @@ def by_pre_step():
 
 def of_arm(scene):
     scene.mbs.variables["torque"] = 0.0  # as before the first solve
-    flex = floating_body(scene.fem, scene.bodies[0])
-    return [attach(scene.mbs, flex, outputs=list(scene.sensors.values()))]
+    return [attached(scene, outputs=list(scene.sensors.values()))]
 
 
 def of_sensors(scene):

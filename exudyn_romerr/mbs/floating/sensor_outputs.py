@@ -79,18 +79,6 @@ class BodySensors:
         return BodySensors(self.measured + added, self.left_out)
 
 
-def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
-    """Return what a sensor measures of the body, under the sensor's name.
-
-    Raises
-    ------
-    InputError
-        No such sensor; one on another body; a quantity that no bound is known for.
-    """
-    asked_sensor(mbs, number)
-    return _measured(mbs, flex, number).output()
-
-
 def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
     """Return a sensor that was asked for by its number; InputError: there is none."""
     if not 0 <= number < (count := mbs.systemData.NumberOfSensors()):
@@ -98,38 +86,50 @@ def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
     return mbs.GetSensor(number)
 
 
-def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
-    """Return the same as the body's frame sees it; raises as sensor_output."""
-    return _measured(mbs, flex, number).in_the_frame().output()
-
-
 def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
     """Return what the sensors on the body measure that the mbs has now; alone: nobody estimates those on none."""
-    measured, left_out, names = [], [], sensor_names(mbs)
+    found, left_out, names = [], [], sensor_names(mbs)
     for number, sensor in enumerate(Items(mbs).sensors):
         body = _body_of(mbs, sensor)
         if body is None and alone and sensor["sensorType"] not in NO_STATE:
             left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
         elif body == flex.number:
             try:
-                measured.append(replace(_measured(mbs, flex, number), name=names[number]))
+                found.append(replace(measured(mbs, flex, number), name=names[number]))
             except InputError as error:
                 left_out.append(("output", str(error)))
-    return BodySensors(tuple(measured), tuple(left_out))
+    return BodySensors(tuple(found), tuple(left_out))
 
 
-def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
-    sensor = mbs.GetSensor(number)
-    nodes, weights = _nodes(mbs, flex, number, sensor)
-    kind = sensor["outputVariableType"]
+def measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
+    """Return what a sensor measures of the body, under the sensor's name.
+
+    Raises
+    ------
+    InputError
+        No such sensor; one on another body; a quantity that no bound is known for.
+    """
+    sensor = asked_sensor(mbs, number)
+    which, kind = f"sensor {number} ({sensor['name']})", sensor.get("outputVariableType")
+    if not is_on(mbs, flex, sensor):
+        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
+        raise InputError(
+            f"{which}, of type {sensor['sensorType']!r}, is on {on}; allowed: "
+            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}; {ELSEWHERE}"
+        )
+    nodes, weights = (sensor.get("meshNodeNumber"),), None
+    if sensor["sensorType"] == "Marker":
+        marker = mbs.GetMarker(int(sensor["markerNumber"]))
+        if np.any(marker.get("offset", 0.0)):
+            raise InputError(f"{which} is on a marker with an offset; use one without")
+        nodes, weights = marker["meshNodeNumbers"], tuple(map(float, marker["weightingFactors"]))
     if kind not in QUANTITIES:
         raise InputError(
-            f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for {KNOWN}; for stress and "
+            f"{which} measures {kind.name}; bounds are known for {KNOWN}; for stress and "
             "strain pass romerr.node_stress(name, node=..., fem=fem, material=...) or "
             "romerr.node_strain(name, node=..., fem=fem)"
         )
-    of, frame = QUANTITIES[kind]
-    return Measured(sensor["name"], nodes, weights, of, frame)
+    return Measured(sensor["name"], tuple(map(int, nodes)), weights, *QUANTITIES[kind])
 
 
 def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int] | None) -> list[int]:
@@ -147,10 +147,8 @@ def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int]
 
 def measured_of(mbs: Any, flex: FloatingBody, number: int) -> Measured | None:
     """Return what a sensor measures of the body; None: nothing, or nothing of its mesh nodes that has a name here."""
-    if not is_on(mbs, flex, mbs.GetSensor(number)):
-        return None
     try:
-        return _measured(mbs, flex, number)
+        return measured(mbs, flex, number)
     except InputError:
         return None
 
@@ -166,24 +164,6 @@ def _body_of(mbs: Any, sensor: dict) -> int | None:
         sensor = mbs.GetMarker(int(sensor["markerNumber"]))
         return int(sensor["bodyNumber"]) if sensor["markerType"] in MESH_MARKERS else None
     return int(sensor["bodyNumber"]) if sensor["sensorType"] == "SuperElement" else None
-
-
-def _nodes(
-    mbs: Any, flex: FloatingBody, number: int, sensor: dict
-) -> tuple[tuple[int, ...], tuple[float, ...] | None]:
-    """Nodes and weights that the sensor sees."""
-    if not is_on(mbs, flex, sensor):
-        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
-        raise InputError(
-            f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
-            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}; {ELSEWHERE}"
-        )
-    if sensor["sensorType"] == "SuperElement":
-        return (int(sensor["meshNodeNumber"]),), None
-    marker = mbs.GetMarker(int(sensor["markerNumber"]))
-    if np.any(marker.get("offset", 0.0)):
-        raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
-    return tuple(int(node) for node in marker["meshNodeNumbers"]), tuple(map(float, marker["weightingFactors"]))
 
 
 def shows_motion(mbs: Any) -> bool:

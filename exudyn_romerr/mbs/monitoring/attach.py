@@ -27,7 +27,7 @@ from ..floating.built_in import as_built_in
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import ASKABLE, MovingSubject
 from ..floating.reference_search import require_still_interface
-from ..floating.sensor_outputs import asked_sensor, framed_output, is_on, sensor_output
+from ..floating.sensor_outputs import asked_sensor, is_on, measured
 from .body_monitor import MonitoredBody
 from .monitor import UNNAMED, MechanismMonitor, Monitor
 from .step_hook import shared_hook
@@ -122,7 +122,7 @@ def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOp
     if isinstance(outputs, list | tuple):
         outputs = [out[1] if isinstance(out, tuple) and len(out) == 2 and out[0] is flex else out for out in outputs]
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
-        outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
+        outputs = [measured(mbs, flex, int(o)).output() if s else o for o, s in zip(outputs, sensors, strict=True)]
     outputs = outputs if outputs is None else checked_outputs(outputs)
     mesh = SimpleNamespace(positions=flex.positions, N=flex.positions.size, dofs_per_node=3)
     for out in outputs or ():
@@ -173,7 +173,7 @@ def _meant(mbs: Any, flexes: Sequence, name: str) -> Any:
     sensor = mbs.GetSensor(of[0]) if of else None
     bodies = [flex for flex in flexes if sensor and isinstance(flex, FloatingBody) and is_on(mbs, flex, sensor)]
     if bodies:
-        return bodies[0], framed_output(mbs, bodies[0], of[0])
+        return bodies[0], measured(mbs, bodies[0], of[0]).in_the_frame().output()
     sensors = ", ".join(f"{i} {sensor['name']!r}" for i, sensor in enumerate(Items(mbs).sensors))
     has = f"the mbs has sensors {sensors}" if sensors else "the mbs has no sensors yet, add them before attach"
     raise InputError(f"outputs names {name!r}, and no sensor is called so; {has}; {_instead(flexes, name)}")

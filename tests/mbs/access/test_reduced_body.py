@@ -23,6 +23,7 @@ from tests.helpers.mbs_scenes import (
     random_basis,
     settings,
 )
+from tests.helpers.observed import attached
 
 RATIOS = [0.05, 0.0, 0.2, 0.01]
 END = 1.0  # s
@@ -247,8 +248,7 @@ def test_modes_that_miss_the_conditions_by_little_have_a_rigid_part(monkeypatch)
     moved = moved_modes()[0]
     monkeypatch.setattr(floating, "reduce", lambda fem, n, kind: setattr(fem, "modeBasis", moved.modeBasis))
     scene = floating.clamped_bar(5, h=1e-3, t_end=2e-3)
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip"]])
+    monitor = attached(scene, outputs=[scene.sensors["tip"]])
     scene.solve()
     assert monitor.report().scope["auxiliary"] == "complete"
     assert "moves the body as a rigid one, which is taken for motion of its frame" in str(monitor.plan)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-import exudyn_romerr as romerr
 from exudyn_romerr.report.report_rows import steps_of
 from models import controlled_arm, mechanisms
 from models.controlled_arm import LENGTH, STEP, STEPS, add_load, add_spring, arm, controlled, pd, set_point, truth
 from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, ground_marker, pendulum, reports
+from tests.helpers.observed import attached, attached_all, observed_all
 
 P, D = 2e3, 20.0  # Nm/rad, Nms/rad
 TRUE = 24  # steps
@@ -131,7 +131,7 @@ def solved(make, n=1, kind="RBE3", parts=1, steps=STEPS, watch=False):
     """What sensors show at the ends of whole steps, and the report, or None."""
     scene = arm(n, kind, steps=steps * parts, h=STEP / parts)
     make(scene)
-    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.bodies[0])]) if watch else None
+    monitor = attached_all(scene) if watch else None
     scene.solve()
     shown = {key: scene.mbs.GetSensorStoredData(number)[::parts, 1:] for key, number in scene.sensors.items()}
     return shown, monitor and monitor.report()
@@ -189,9 +189,7 @@ def test_one_controller_in_three_ways_has_one_answer():
     for way, make in ways.items():
         scene = arm(steps=8 * STEPS, h=STEP / 8)
         make(scene)
-        monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.bodies[0])])
-        scene.solve()
-        report = monitor.report()
+        report = observed_all(scene)
         found[way] = [np.abs(of_modes(report.output(key))).max() for key in scene.sensors]
     for way in ("load", "spring"):
         np.testing.assert_allclose(found["PreStep"], found[way], rtol=0.05)
@@ -251,9 +249,7 @@ def test_a_sensor_of_what_it_sets_is_left_out():
     motor = scene.mbs.systemData.NumberOfObjects() - 1
     show = exu.OutputVariableType.TorqueLocal
     scene.mbs.AddSensor(itemInterface.SensorObject(name="torque", objectNumber=motor, outputVariableType=show))
-    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.bodies[0])])
-    scene.solve()
-    report = monitor.report()
+    report = observed_all(scene)
     assert set(report.scope.values()) == {COUPLED}
     assert "torque" not in report.outputs
     assert dict(report.plan.left_out)["torque"] == "it shows what the PreStep function sets by what it sees"
@@ -356,8 +352,7 @@ MATTERS = 1e-7  # of an output: estimates of errors below are not asked for
 
 def watched(scene, **options):
     """The report of a run, all sensors."""
-    flex = romerr.floating_body(scene.fem, scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors.values()), **options)
+    monitor = attached(scene, outputs=list(scene.sensors.values()), **options)
     scene.solve()
     return monitor.report()
 

@@ -31,6 +31,7 @@ from exudyn_romerr import (
 from models import floating
 from tests.helpers import mbs_scenes
 from tests.helpers.bad_input import check_error, check_refused
+from tests.helpers.observed import attached
 from tests.mbs.floating.test_floating_scene import (
     HINGE,
     TIP,
@@ -372,7 +373,7 @@ def same_sensor_twice():
 def beside_a_sensor(outputs):
     scene = bar()
     sensor_on(scene)
-    return attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs)
+    return attached(scene, outputs=outputs)
 
 
 OUTPUTS = {

@@ -23,6 +23,7 @@ from exudyn_romerr.report.derived import features_of
 from models import estimate_truths, floating, mechanisms
 from models.estimate_scenes import SCENES
 from models.hex_bar import hex_bar
+from tests.helpers.observed import named, observed, observed_all, shown
 
 H, STEPS, BEGIN = 1e-3, 100, 50
 FINER = (8, 16)
@@ -47,16 +48,11 @@ def scene(finer=1):
                 storeInternal=True,
             )
         )
-    for name, number in made.sensors.items():
-        made.mbs.SetSensorParameter(number, "name", name)
+    named(made)
     made.settings.solution.sensors.writePeriod = H
     newton = made.settings.timeIntegration.newton
     newton.relativeTolerance, newton.absoluteTolerance = 1e-12, 1e-13
     return made
-
-
-def shown(made):
-    return {name: made.mbs.GetSensorStoredData(number)[:, 1:] for name, number in made.sensors.items()}
 
 
 @cache
@@ -68,12 +64,11 @@ def errors():
         made.solve()
         truths.append(shown(made))
     made = scene()
-    monitor = romerr.attach(made.mbs, [romerr.floating_body(made.fem, items) for items in made.bodies])
-    made.solve()
+    report = observed_all(made)
     coarse, fine = truths
     found = {}
     for name, y in shown(made).items():
-        out = monitor.report().output(name)
+        out = report.output(name)
         step = (fine[name] - coarse[name]) / 3
         unknown = np.abs(step).max(axis=0) / 4
         found[name] = fine[name] + step - y, out.estimate_parts["time step"], out.uncertainty, unknown
@@ -226,15 +221,14 @@ def ran(n, kind, m=None, **options):
     scene, report = mechanisms.sprung_body(n, kind, h=1e-3, t_end=0.03), None
     names = ["tip 1 local", "middle 1 local"]
     if m is not None:
-        for name in names:
-            scene.mbs.SetSensorParameter(scene.sensors[name], "name", name)
+        named(scene, *names)
         flex = romerr.floating_body(scene.fem, scene.bodies[0], **options)
         sensors = [scene.sensors[name] for name in names]
         monitor = romerr.attach(scene.mbs, flex, outputs=sensors, auxiliary_modes=m)
     scene.solve()
     if m is not None:
         report = monitor.report()
-    return {name: scene.mbs.GetSensorStoredData(scene.sensors[name])[:, 1:] for name in names}, report
+    return shown(scene, *names), report
 
 
 def test_part_of_rigid_interfaces_is_what_they_stiffen():
@@ -298,10 +292,8 @@ def test_bounds_of_an_undamped_pendulum_do_not_grow():
     """10,000 steps: it falls and swings, and is shaken at 60 rad/s."""
     scene = floating.pendulum(4, h=1e-3, t_end=10.0, damping=(0.0, 0.0))
     scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip local"]])
-    scene.solve()
-    bound, t = monitor.report().output("tip").bound["best"], monitor.report().t
+    report = observed(scene, outputs=[scene.sensors["tip local"]])
+    bound, t = report.output("tip").bound["best"], report.t
     assert np.all(bound.max(axis=0) <= GROWTH * bound[t <= 1.0].max(axis=0))
 
 

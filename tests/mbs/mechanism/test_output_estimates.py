@@ -29,6 +29,7 @@ from tests.helpers.mechanism_runs import (
     watch,
     with_frames,
 )
+from tests.helpers.observed import attached, flexes
 
 CASES = [
     ("slider_crank", 0, "RBE3"),
@@ -51,7 +52,7 @@ def estimated(name, n, kind):
     """Reports of all bars."""
     scene = output_truths.SCENES[name](n, kind)
     outputs = output_truths.outputs(scene)
-    flexible = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
+    flexible = flexes(scene)
     monitors = [romerr.attach(scene.mbs, flex, outputs=outputs) for flex in flexible]
     scene.solve()
     return [monitor.report() for monitor in monitors]
@@ -186,8 +187,7 @@ def test_file_has_the_estimate_under_frozen_inputs(tmp_path):
 def test_static_solve_is_corrected_to_its_end():
     """K e = -R: with it every load step is exact, under the wrenches of the run; rounding is left."""
     scene = floating.clamped_bar(0, h=1e-3, t_end=1e-2, force=lambda t: (0.0, 200.0, 100.0))
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip"]])
+    monitor = attached(scene, outputs=[scene.sensors["tip"]])
     scene.mbs.Assemble()
     scene.mbs.SolveStatic(scene.settings)
     report = monitor.report()

@@ -19,6 +19,7 @@ from models import driven_bar, mechanism_truths, mechanisms
 from models.mechanism_truths import with_velocities
 from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import COUPLED
+from tests.helpers.observed import attached, shown
 
 ESTIMATED = 0.025  # of the largest error, beside what is left of it; measured 0.023
 CLOSE = 1.8  # bound over error, of the component where both are largest; measured 1.75, with a spectral radius of 0.3
@@ -122,10 +123,9 @@ def test_a_bar_that_spins_near_its_first_frequency(h):
         scene = driven_bar.spinning(0.8, h=h, t_end=20 * h, kind=kind, n=n)
         scene.settings = mechanisms.settings_to_compare(h, 20 * h)
         if kind == "RBE3":
-            flex = romerr.floating_body(scene.fem, scene.items)
-            monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors[name] for name in SENSORS])
+            monitor = attached(scene, outputs=[scene.sensors[name] for name in SENSORS])
         scene.solve()
-        found[kind] = {name: scene.mbs.GetSensorStoredData(scene.sensors[name])[:, 1:] for name in SENSORS}
+        found[kind] = shown(scene, *SENSORS)
     report = monitor.report()
     assert report.scope == {"auxiliary": COUPLED}
     for name, truth in found["complete"].items():

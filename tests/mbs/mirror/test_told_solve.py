@@ -26,6 +26,7 @@ from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.report.report_rows import rows_of
 from models import floating
 from models.robot_arm import robot_arm
+from tests.helpers.observed import flexes, shown
 from tests.mbs.mechanism.test_same_numbers import in_units
 
 H = 1e-3
@@ -45,10 +46,6 @@ def scene_of(n, kind="RBE3", t_end=0.05, h=H, force=pushed):
     for number in scene.sensors.values():
         scene.mbs.SetSensorParameter(number, "storeInternal", True)
     return scene
-
-
-def shown(scene):
-    return {name: scene.mbs.GetSensorStoredData(k)[:, 1:] for name, k in scene.sensors.items()}
 
 
 def told(scene):
@@ -129,9 +126,8 @@ def test_rigid_interfaces_are_told_apart(all_modes):
 
 def test_a_controller_in_pre_step_shows_at_the_rows():
     scene = robot_arm(4, t_end=0.02)
-    flexes = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
     with pytest.raises(AssumptionError, match="PreStep"):
-        told_by_run(scene.mbs, flexes, scene.solve)
+        told_by_run(scene.mbs, flexes(scene), scene.solve)
 
 
 def test_nothing_is_told_without_a_step():

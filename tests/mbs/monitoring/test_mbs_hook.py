@@ -20,6 +20,7 @@ from exudyn_romerr.process import blas_threads
 from models import floating
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 from tests.helpers.mbs_scenes import SOLVERS, TIP, Recorder, added, new_mbs, random_basis, scene, settings
+from tests.helpers.observed import attached
 
 
 @pytest.fixture
@@ -267,7 +268,7 @@ def seen(several_threads, monkeypatch):  # noqa: F811
 def solved(hook=None):
     """The pendulum, solved, and its monitor."""
     scene = floating.pendulum(2, h=1e-3, t_end=0.02)
-    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), hook=hook)
+    monitor = attached(scene, hook=hook)
     scene.mbs.Assemble()
     scene.mbs.SolveDynamic(scene.settings)
     return scene, monitor
@@ -295,7 +296,7 @@ def test_what_goes_wrong_in_ours_leaves_no_trace(several_threads, monkeypatch): 
 
 def test_the_plan_is_made_with_one_thread_too(seen):
     scene = floating.pendulum(2, h=1e-3, t_end=0.02)
-    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
+    monitor = attached(scene)
     scene.mbs.Assemble()
     assert monitor.plan
     assert seen["read"] == {1}

@@ -10,7 +10,6 @@ import exudyn as exu
 import numpy as np
 import pytest
 
-import exudyn_romerr as romerr
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
@@ -33,6 +32,7 @@ from tests.helpers.mbs_scenes import (
     scene,
     settings,
 )
+from tests.helpers.observed import attached_all
 
 
 def solve(mbs, steps=20, end=0.1, start=0.0, solver=None, **options):
@@ -538,7 +538,7 @@ def test_a_monitor_shows_itself_in_one_line():
 def test_what_a_user_function_ends_on_purpose_is_complete():
     scene = floating.pendulum(4, t_end=0.02)
     scene.mbs.SetPostStepUserFunction(lambda mbs, t: t < 0.01)
-    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.items)])
+    monitor = attached_all(scene)
     scene.solve()
     report = monitor.report()
     said = "Until 0.01 of 0.02 s: a user function that returned False stopped it on purpose. Enough: "

@@ -17,6 +17,7 @@ from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import floating, mechanisms
 from tests.helpers import mbs_scenes
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
+from tests.helpers.observed import attached_all, flexes, named
 
 T_END = 0.01  # s
 BASIS = 2e-3  # of the error of the basis: what 26 vectors leave of it; measured 1.4e-3
@@ -68,10 +69,6 @@ def ground_of(mbs):
     return next(i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "Ground")
 
 
-def bodies_of(scene):
-    return [romerr.floating_body(scene.fem, items) for items in scene.bodies]
-
-
 def shown(scene):
     """What sensors stored, by name."""
     return {
@@ -81,18 +78,11 @@ def shown(scene):
     }
 
 
-def named(scene):
-    """Give the model's sensors the names that they have in the scene."""
-    for name, number in scene.sensors.items():
-        scene.mbs.SetSensorParameter(number, "name", name)
-    return scene
-
-
 @pytest.fixture(scope="module")
 def run():
     """Scene and monitor of a short run of the slider crank."""
     scene = named(slider_crank())
-    monitor = romerr.attach(scene.mbs, bodies_of(scene))
+    monitor = attached_all(scene)
     solve(scene)
     return scene, monitor
 
@@ -108,7 +98,7 @@ def test_the_run_is_the_same_and_so_are_values(tolerance):
     alone, watched = named(slider_crank()), named(slider_crank())
     names = ["tip 1 local", "piston Displacement", *CRANK]
     numbers = [watched.sensors[name] for name in names]
-    monitor = romerr.attach(watched.mbs, bodies_of(watched), outputs=numbers, tolerance=tolerance)
+    monitor = attached_all(watched, outputs=numbers, tolerance=tolerance)
     for scene in (alone, watched):
         solve(scene)
     stored, report = shown(watched), monitor.report()
@@ -134,7 +124,7 @@ def spring(n=0, kind="RBE3"):
 def test_the_basis_part_is_what_all_modes_show(make, names):
     """Same steps, so that only modes differ; of displacements and their rates, of angles, and of a spring's force."""
     scene, full = named(make()), named(make(kind="complete"))
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors[name] for name in names])
+    monitor = attached_all(scene, outputs=[scene.sensors[name] for name in names])
     for one in (scene, full):
         one.settings.timeIntegration.newton.relativeTolerance = 1e-12
         solve(one)
@@ -148,7 +138,7 @@ def test_the_basis_part_is_what_all_modes_show(make, names):
 
 def test_studies_take_it_as_the_monitors_of_its_bodies():
     scene = pendulum()
-    monitor = romerr.attach(scene.mbs, bodies_of(scene))
+    monitor = attached_all(scene)
     assert build_trial(lambda: (scene.mbs, monitor, scene.settings)).monitors == monitor.bodies
 
 
@@ -161,7 +151,7 @@ def test_lie_group_nodes_are_not_covered():
         initialAngularVelocity=[1.0, 2.0, 3.0],
         nodeType=exu.NodeType.RotationRotationVector,
     )
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["tip 1"]])
+    monitor = attached_all(scene, outputs=[scene.sensors["tip 1"]])
     solve(scene)
     report = monitor.report()
     assert set(report.scope.values()) == {FROZEN}
@@ -170,8 +160,8 @@ def test_lie_group_nodes_are_not_covered():
 
 def test_bodies_are_as_with_a_monitor_each():
     scene, both = pendulum(0), pendulum(0)  # eigenmodes differ in their last digits each time
-    monitors = [romerr.attach(scene.mbs, flex) for flex in bodies_of(named(scene))]
-    monitor = romerr.attach(both.mbs, bodies_of(named(both)))
+    monitors = [romerr.attach(scene.mbs, flex) for flex in flexes(named(scene))]
+    monitor = romerr.attach(both.mbs, flexes(named(both)))
     solve(scene)
     solve(both)
     report, reports = monitor.report(), [one.report() for one in monitors]
@@ -233,7 +223,7 @@ def test_a_saved_report_says_the_same(report, tmp_path):
 def test_a_report_is_drawn_and_written(tmp_path):
     """One body, one output; the page draws both."""
     scene = slider_crank(t_end=0.002)
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]])
     solve(scene)
     assert monitor.report().plot(tmp_path / "run.png").axes
     monitor.report().to_html(tmp_path / "run.html")
@@ -249,12 +239,12 @@ def test_the_plan_names_bodies_and_sensors(run):
 def test_equal_names_are_refused_with_both_places_and_sensors_get_their_numbers():
     scene = pendulum()
     output = romerr.node_displacement("tip", node=mechanisms.MIDDLE, component="z")
-    flexes = bodies_of(scene)
+    bodies = flexes(scene)
     with pytest.raises(romerr.InputError, match=r"'tip' is an output of flex\[0\] and of flex\[1\]"):
-        romerr.attach(scene.mbs, flexes, outputs=[(flex, output) for flex in flexes])
+        romerr.attach(scene.mbs, bodies, outputs=[(flex, output) for flex in bodies])
     for name in ("tip 1", "tip 2"):
         scene.mbs.SetSensorParameter(scene.sensors[name], "name", "tip")
-    monitor = romerr.attach(scene.mbs, flexes)
+    monitor = romerr.attach(scene.mbs, bodies)
     solve(scene)
     names = [f"tip (sensor {scene.sensors[name]})" for name in ("tip 1", "tip 2")]
     assert all(monitor.report().output(name).estimate is not None for name in names)
@@ -271,14 +261,14 @@ def test_equal_names_are_refused_with_both_places_and_sensors_get_their_numbers(
 def test_wrong_outputs_leave_nothing_attached(outputs, said):
     scene = pendulum()
     with pytest.raises(romerr.InputError, match=said):
-        romerr.attach(scene.mbs, bodies_of(scene), outputs=outputs)
+        attached_all(scene, outputs=outputs)
     assert not scene.mbs.GetPostStepUserFunction()
-    flexes = bodies_of(scene)
+    bodies = flexes(scene)
     again = romerr.floating_body(scene.fem, scene.bodies[0])
     for wrong, said in (
         ([], "flex is an empty list; needed: at least one body"),
-        ([flexes[0], flexes[0]], r"flex\[0\] and flex\[1\] are the same body, object 0; list it once"),
-        ([*flexes, again], r"flex\[0\] and flex\[2\] are the same body, object 0; list it once"),
+        ([bodies[0], bodies[0]], r"flex\[0\] and flex\[1\] are the same body, object 0; list it once"),
+        ([*bodies, again], r"flex\[0\] and flex\[2\] are the same body, object 0; list it once"),
     ):
         with pytest.raises(romerr.InputError, match=said):
             romerr.attach(scene.mbs, wrong)
@@ -287,14 +277,14 @@ def test_wrong_outputs_leave_nothing_attached(outputs, said):
 
 def test_tolerances_and_bound_sensors_find_their_body():
     scene = pendulum()
-    flexes = bodies_of(scene)
+    bodies = flexes(scene)
     outputs = [
         (flex, romerr.node_displacement(f"middle {i}", node=mechanisms.MIDDLE, component="z"))
-        for i, flex in enumerate(flexes)
+        for i, flex in enumerate(bodies)
     ]
     with pytest.raises(romerr.InputError, match="tolerance names 'tip'; allowed: 'middle 0', 'middle 1'"):
-        romerr.attach(scene.mbs, flexes, outputs=outputs, tolerance={"tip": 1.0})
-    monitor = romerr.attach(scene.mbs, flexes, outputs=outputs, tolerance={"middle 1": 1e-3})
+        romerr.attach(scene.mbs, bodies, outputs=outputs, tolerance={"tip": 1.0})
+    monitor = romerr.attach(scene.mbs, bodies, outputs=outputs, tolerance={"middle 1": 1e-3})
     shows = scene.mbs.AddSensor(monitor.bound_sensor("middle 1"))
     solve(scene)
     report = monitor.report()
@@ -307,7 +297,7 @@ def test_tolerances_and_bound_sensors_find_their_body():
 
 def test_without_a_linearised_mechanism_sensors_are_left_out():
     scene = slider_crank(t_end=0.002)
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]], scope=FROZEN)
+    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]], scope=FROZEN)
     solve(scene)
     report = monitor.report()
     assert (report.outputs, report.scope["auxiliary"]) == ({}, FROZEN)
@@ -318,7 +308,7 @@ def test_without_a_linearised_mechanism_sensors_are_left_out():
 def test_a_second_solve_goes_on():
     whole, parts, found = slider_crank(t_end=0.008), slider_crank(t_end=0.008), []
     for scene in (whole, parts):
-        monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+        monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]])
         if scene is parts:
             scene.mbs.Assemble()
             time = scene.settings.timeIntegration
@@ -343,7 +333,7 @@ def test_a_changed_mbs_is_not_read():
         return True
 
     scene.mbs.SetPostStepUserFunction(change)
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]])
     solve(scene)
     assert dict(monitor.report().plan.left_out)["piston Displacement"] == NOT_TOLD
     assert "parameters that the script changes" in monitor.report().scope_reason
@@ -372,7 +362,7 @@ def linear_bar(mbs):
 def solved(linear, first=False):
     """Report of a double pendulum, of a linear bar, or of both; first: where this is in the list."""
     scene = pendulum(steps=20)
-    bodies, outputs = [romerr.floating_body(scene.fem, items) for items in scene.bodies], []
+    bodies, outputs = flexes(scene), []
     for name in ("tip 1", "tip 2 local"):
         scene.mbs.SetSensorParameter(scene.sensors[name], "name", name)
         outputs.append(scene.sensors[name])
@@ -530,7 +520,7 @@ def test_a_plan_of_a_mechanism_lists_all_that_is_watched():
     for name in ("ForceLocal", "TorqueLocal"):
         shows = getattr(exu.OutputVariableType, name)
         scene.mbs.AddSensor(itemInterface.SensorObject(name=name, objectNumber=joint, outputVariableType=shows))
-    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, items) for items in scene.bodies])
+    monitor = attached_all(scene)
     scene.mbs.Assemble()
     before = monitor.plan
     solve(scene)

@@ -14,6 +14,7 @@ from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
 from exudyn_romerr.mode_selection.tried_run import BASIS, INTERFACES, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
+from tests.helpers.observed import attached
 
 # A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider
 # crank forecasts from 2 modes up to 12 are within 4 % of the runs, but for bounds that the slack makes.
@@ -26,16 +27,14 @@ def crank(n, kind="RBE3", steps=120, **options):
     scene = mechanism_truths.half_crank(n, kind, steps)
     tip = int(floating.interface(scene.fem, "tip")[0][0])
     outputs = [romerr.node_displacement(name, node=k) for name, k in (("tip", tip), ("mid", mechanisms.MIDDLE))]
-    flex = romerr.floating_body(scene.fem, scene.bodies[0])
-    return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
+    return scene.mbs, attached(scene, outputs=outputs, **options), scene.settings
 
 
 def swing(n, kind="RBE3", **options):
     """A pendulum that is kicked smoothly, sampled so that steps do not matter."""
     scene = mechanism_truths.kicked(n, kind)
     scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip local"]], **options)
+    monitor = attached(scene, outputs=[scene.sensors["tip local"]], **options)
     return scene.mbs, monitor, scene.settings
 
 
@@ -106,8 +105,7 @@ def test_forecast_of_outputs_in_global_axes():
             romerr.node_velocity("speed", node=mechanisms.MIDDLE, frame="global"),
         ]
         options = {"time": "sampled", "scope": "inputs frozen"}
-        flex = romerr.floating_body(scene.fem, scene.items)
-        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
+        return scene.mbs, attached(scene, outputs=outputs, **options), scene.settings
 
     forecast, _ = forecasts_from(build, 4, 8)
     for n in (0, 1, 2, 6):
@@ -331,8 +329,7 @@ def released(n):
         if scene.mbs.GetLoad(i)["loadType"] == "MassProportional":
             scene.mbs.SetLoadParameter(i, "loadVectorUserFunction", 0)
     scene.mbs.SetSensorParameter(scene.sensors["middle 1 local"], "name", "middle 1")
-    flex = romerr.floating_body(scene.fem, scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["middle 1 local"]])
+    monitor = attached(scene, outputs=[scene.sensors["middle 1 local"]])
     scene.mbs.Assemble()
     scene.settings.staticSolver.verboseMode = 0
     scene.mbs.SolveStatic(scene.settings, updateInitialValues=True)
