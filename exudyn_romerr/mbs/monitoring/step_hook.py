@@ -76,18 +76,21 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
             hook.flush()  # while the mbs is what it was
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
 
+    def stored() -> None:
+        """Take back from C how many rows it has stored."""
+        nonlocal i
+        i += 0 if recorder is None else recorder.stop()
+
     def drain() -> tuple:
         nonlocal i
+        stored()
         n, i = i, 0
         return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n], multipliers[:n])
 
     def hurry() -> None:
         nonlocal room
+        stored()
         room = i + 1
-
-    if loops is None:
-        step.hook = hook
-        return step, drain, hurry
 
     def checked_step(mbs: Any, t: float) -> Any:
         """Make the step in Python, and let rows be stored in C up to the next one that something is due at."""
@@ -97,21 +100,13 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
             recorder.go_on(i, room - 1, end, times, q, q_t, q_tt, *([multipliers] if is_wide else []))
         return go_on
 
-    def stored() -> None:
-        nonlocal i
-        i += recorder.stop()
-
-    def drain_stored() -> tuple:
-        stored()
-        return drain()
-
-    def hurry_stored() -> None:
-        stored()
-        hurry()
-
+    recorder = None
+    if loops is None:
+        step.hook = hook
+        return step, drain, hurry
     recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, IN_PLACE[0], *readers, read_multipliers)
     recorder.hook = hook
-    return recorder, drain_stored, hurry_stored
+    return recorder, drain, hurry
 
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
