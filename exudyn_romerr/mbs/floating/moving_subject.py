@@ -25,7 +25,7 @@ from ..access.solvers import load_factor
 from .built_in import as_built_in
 from .floating_body import read_object
 from .modal_damping import damping_text, require_modal_damping
-from .reference_search import seen_body, stiff_space
+from .reference_search import seen_body
 from .sampler import InputTerms, Sampler
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
@@ -201,9 +201,9 @@ class MovingSubject:
 
     def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
         """Read body, joints and loads, and how they hold its frame."""
-        seen = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
-        self.body = seen.body
-        return seen, read_support(seen.items, seen.model, seen.actions.drop_idle(seen.body))
+        seen, items = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
+        self.body = seen.held
+        return seen, read_support(items, seen.model, seen.idle)
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
         """Return what bounds of the body alone need; None: the linearised mechanism tells of it.
@@ -264,9 +264,9 @@ class MovingSubject:
 
     def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
         """Do the offline work of the body alone, unless that was done for this solve or the one before."""
-        items, model, actions, _, body = seen
+        model, actions, body = seen.model, seen.actions, seen.held
         if model.rigid is not None:
-            require_free_node(items, model)
+            require_free_node(Items(mbs), model)
         if body.modal is not None:
             require_modal_damping(body, model.held, model.D)
         self._take_sensors(mbs, level)
@@ -337,7 +337,7 @@ class MovingSubject:
         known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
         model = seen.model
         return prepare(
-            seen.body,
+            seen.held,
             Basis(model.held, note=f"{model.V.shape[1]} modes of object {self.item}"),
             replace(self._options, inputs=Deferred(lambda: terms.columns, terms.made_of), input_function=known),
             sampled_inputs=not terms.by_function,
@@ -368,7 +368,7 @@ class MovingSubject:
             pose=pose,
             jitter=Jitter.of(flex.mass, flex.positions, model.held, pose) if support.at_rest else None,
             first_load=terms.first_load,
-            stiff=stiff_space(flex, model.V, actions.interfaces()),
+            stiff=seen.stiff,
             computed=self._found(seen, support),
             left_out=tuple(left_out),
         )

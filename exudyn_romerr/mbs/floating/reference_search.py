@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,28 +53,44 @@ SMALL = 0.03
 DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
 
 
-class SeenBody(NamedTuple):
-    """What an mbs has of a body now, and all its items.
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """What an mbs has of a floating body now.
 
-    model : reduced matrices, held by reference conditions. actions : what acts on it. body : the full one, held.
+    model : reduced matrices, held by reference conditions. actions : what acts on it, and does work. idle : markers
+    that the conditions hold still. held : the full body, held.
     """
 
-    items: Items
+    flex: FloatingBody
     model: ReducedMatrices
     actions: Actions
+    idle: set[int]
     reference: Reference
-    body: ElasticBody
+    held: ElasticBody
+
+    @cached_property
+    def stiff(self) -> Space | None:
+        """Space of interfaces that the modes make rigid, or None."""
+        return stiff_space(self.flex, self.model.V, self.actions.interfaces())
+
+    def forces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
+        none = np.zeros((self.held.N, 0))
+        wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
+        return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
 
 
-def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
-    """Read a body; load_factor : what a static solver scales constant loads with."""
+def seen_body(
+    mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None
+) -> tuple[SeenBody, Items]:
+    """Read a body, and all items of its mbs; load_factor : what a static solver scales constant loads with."""
     mbs = as_built_in(mbs, [flex])
     items, model = Items(mbs), read_object(mbs, flex)
     actions = read_actions(items, flex, model, load_factor)
     flex.known["interfaces"] = interfaces = actions.interfaces()
     reference = find_reference(flex, model.V, interfaces)
-    body = held_body(flex, model.rayleigh, reference)
-    return SeenBody(items, reference.of(model), actions, reference, body)
+    held = held_body(flex, model.rayleigh, reference)
+    return SeenBody(flex, reference.of(model), actions, actions.drop_idle(held), reference, held), items
 
 
 @dataclass(frozen=True)

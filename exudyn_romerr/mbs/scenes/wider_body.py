@@ -16,7 +16,7 @@ from ..access.mbs_items import dense
 from ..floating.built_in import add_weight, built_in, has_functions
 from ..floating.floating_body import floating_body, rayleigh_factors
 from ..floating.moving_subject import VECTORS
-from ..mirror.vectors import KnownBody
+from ..floating.reference_search import seen_body
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
@@ -39,7 +39,7 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     """
     if body.fem is None:
         raise InputError("its FE model is gone")
-    known = KnownBody.of(mbs, floating_body(body.fem, body.items(mbs)))
+    known, _ = seen_body(mbs, floating_body(body.fem, body.items(mbs)))
     full, Z = known.held, known.held.space
     V, inertia = Z.coordinates("V", known.model.held), Z.loads(unit_inertia(full.mass, full.positions))
     wrenches, loads = known.forces()
