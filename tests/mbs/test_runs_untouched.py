@@ -11,7 +11,7 @@ import pytest
 from exudyn_romerr import attach
 from models import mechanisms
 from models.controlled_arm import arm, controlled
-from tests.helpers import mbs_scenes
+from tests.helpers import mbs_scenes, mechanism_runs
 from tests.helpers.mechanism_runs import BOTH, COUPLED, FROZEN, pendulum, solve, watch
 from tests.helpers.observed import attached
 from tests.mbs.control.test_controllers import by_variables
@@ -42,6 +42,12 @@ def bar_under_a_function():
     scene = supported()
     add_load(scene, scene.right, FORCE, loadVectorUserFunction=lambda mbs, t, f: f)
     scene.sensors, scene.settings = {}, mbs_scenes.settings(3, 3e-4)
+    return scene
+
+
+def under_a_function():
+    scene = pendulum(0, steps=40)
+    mechanism_runs.add_load(scene, loadVectorUserFunction=lambda mbs, t, vector: [0.0, 1e3 * t, 0.0])
     return scene
 
 
@@ -76,6 +82,7 @@ RUNS = {  # scene, monitors of it, scope
     **{
         f"{name}, frozen": (make, partial(watch, estimators=FROZEN_ONLY), FROZEN) for name, make in MECHANISMS.items()
     },
+    "load by a function": (under_a_function, watch, COUPLED),
     "controller": (partial(controlled, "load by a node", 0, steps=20), of_arm, COUPLED),
     "PreStep": (by_pre_step, of_arm, COUPLED),
 }

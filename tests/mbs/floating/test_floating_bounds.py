@@ -22,7 +22,6 @@ from tests.helpers import tolerances as tol
 from tests.helpers.observed import attached, observed
 from tests.helpers.total_truth import Exact, signal
 
-AXES = range(3)
 CRAIG_BAMPTON = [(kind, n) for kind in ("RBE2", "RBE3") for n in (0, 4, 16)]
 STEP, END = 1e-4, 0.05  # s; 0.24 rad of the bar's first mode, 20 of its periods
 RAMP = 0.01  # s, of floating.ramped_force

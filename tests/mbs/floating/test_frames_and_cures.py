@@ -222,7 +222,6 @@ def test_node_sets_are_looked_at_every_time(bar, searched):
 
 
 COMPLETE = {"complete"}
-LATE = 0.03  # rad, or m, of the motions that are tried
 
 
 def hurty(fem, **options):

@@ -77,13 +77,14 @@ def test_a_solve_that_goes_on_begins_with_accelerations_of_its_own(seed):
         assert np.all(left <= 2 * out.uncertainty.max(axis=0) + floor)
 
 
-def test_second_solve_starts_anew():
-    scene = pendulum()
+def test_every_solve_starts_anew_and_keeps_its_run():
+    scene = pendulum(steps=3)
     monitors = watch(scene)
-    solve(scene)
-    solve(scene)
+    for _ in range(5):
+        solve(scene)
     for monitor in monitors:
-        assert_same(*(monitor.report(i) for i in range(2)), SAME)
+        assert steps_of(monitor) == [4] * 5
+        assert_same(monitor.report(0), monitor.report(1), SAME)
 
 
 def test_reports_during_a_run_change_nothing():
@@ -157,20 +158,8 @@ def test_steps_of_other_lengths():
         assert not np.isfinite(report.output("probe").bound["best"]).any()
 
 
-def test_every_solve_keeps_its_run():
-    scene = pendulum(steps=3)
-    monitors = watch(scene)
-    for _ in range(5):
-        solve(scene)
-    assert [steps_of(monitor) for monitor in monitors] == [[4] * 5] * 2
-
-
 def own_force(mbs, t, number, u, v, stiffness, damping, offset):
     return [0.0, 0.0, -10.0 * u[2]]
-
-
-def attach_the_other(scene):
-    return watch(scene, 2)
 
 
 def switch_off(scene):
