@@ -118,10 +118,14 @@ def test_report_of_a_run_that_does_not_exist():
 # --- runs -------------------------------------------------------------------
 
 
-def test_every_solve_is_a_run():
+@pytest.mark.parametrize("solver", ["GeneralizedAlpha", "DOPRI5"])
+def test_every_solve_is_a_run_with_the_same_bound(solver):
     mbs, _, monitor = scene()
     for _ in range(3):
-        solve(mbs)
+        solve(mbs, solver=getattr(exu.DynamicSolverType, solver))
+    for i in (1, 2):
+        bounds = (run.report().output("tip").bound["best"] for run in (monitor.runs[0], monitor.runs[i]))
+        np.testing.assert_array_equal(*bounds)
     assert starts(monitor) == [0.0, 0.0, 0.0]
     assert [len(run.report().t) for run in monitor.runs] == [21, 21, 21]
 
@@ -470,13 +474,6 @@ def test_error_of_one_solve_does_not_stay_for_the_next():
     assert len(monitor.report().t) == 21
 
 
-class FailingExtension(Run):
-    def extension(self, t, *states):
-        if t[-1] > 0.4:
-            raise ArithmeticError("mine")
-        return super().extension(t, *states)
-
-
 class FailingAdvance(Run):
     def advance(self, extension):
         if extension.new.t[-1] > 0.4:
@@ -484,16 +481,15 @@ class FailingAdvance(Run):
         super().advance(extension)
 
 
-@pytest.mark.parametrize(("Failing", "kept"), [(FailingExtension, 1639), (FailingAdvance, BLOCK + 1)])
-def test_error_in_a_later_block_keeps_what_is_before(monkeypatch, Failing, kept):
-    """Every step before it, or every block if it comes when bounds advance."""
-    monkeypatch.setattr(watch, "Run", Failing)
+def test_error_of_bounds_that_advance_keeps_the_blocks_before(monkeypatch):
+    """Of steps that cannot be checked every step before is kept, see test_faults."""
+    monkeypatch.setattr(watch, "Run", FailingAdvance)
     monkeypatch.setattr(hooks, "LONGEST", 1)
     mbs, _, monitor = scene()
     solve(mbs, steps=4 * BLOCK, end=1.0)
     with pytest.raises(ArithmeticError, match="mine"):
         monitor.report()
-    assert len(monitor.runs[0].report().t) == kept
+    assert len(monitor.runs[0].report().t) == BLOCK + 1
     assert mbs.systemData.GetTime() == pytest.approx(1.0)
 
 

@@ -45,28 +45,27 @@ def slider_crank(n=0, kind="RBE3", t_end=T_END):
             **options,
         )
         scene.sensors[f"{body} {name}"] = mbs.AddSensor(sensor)
-    joint = next(
-        i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "JointGeneric"
-    )
     for sensor in (
         itemInterface.SensorObject(
             name="force of a joint",
-            objectNumber=joint,
+            objectNumber=first_object(mbs, "JointGeneric"),
             outputVariableType=exu.OutputVariableType.ForceLocal,
             **options,
         ),
         itemInterface.SensorLoad(name="torque", loadNumber=0),
         itemInterface.SensorUserFunction(name="function", sensorUserFunction=lambda *_: [1.0]),
         itemInterface.SensorBody(
-            name="ground", bodyNumber=ground_of(mbs), outputVariableType=exu.OutputVariableType.Position
+            name="ground",
+            bodyNumber=first_object(mbs, "Ground"),
+            outputVariableType=exu.OutputVariableType.Position,
         ),
     ):
         scene.sensors[sensor.name] = mbs.AddSensor(sensor)
     return scene
 
 
-def ground_of(mbs):
-    return next(i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "Ground")
+def first_object(mbs, kind):
+    return next(i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == kind)
 
 
 def shown(scene):
@@ -420,14 +419,10 @@ def one_bar(**options):
     scene = floating.pendulum(0, **STEPS, **options)  # eigenmodes differ in their last digits each time
     for name in ("tip", "right"):
         scene.mbs.SetSensorParameter(scene.sensors[name], "name", f"the {name}")
-    joint = next(i for i in range(scene.mbs.systemData.NumberOfObjects()) if is_joint(scene.mbs.GetObject(i)))
+    joint = first_object(scene.mbs, "JointGeneric")
     shows = exu.OutputVariableType.ForceLocal
     scene.mbs.AddSensor(itemInterface.SensorObject(name="force", objectNumber=joint, outputVariableType=shows))
     return scene, romerr.floating_body(scene.fem, scene.items)
-
-
-def is_joint(item):
-    return item["objectType"] == "JointGeneric"
 
 
 def reported(outputs, in_a_list=False):
@@ -516,7 +511,7 @@ def test_a_plan_has_gravity_and_what_is_not_on_the_body():
 def test_a_plan_of_a_mechanism_lists_all_that_is_watched():
     """Before the run and after it; what the plans of all bodies leave out is there once."""
     scene = mechanisms.double_pendulum(1, **STEPS)
-    joint = next(i for i in range(scene.mbs.systemData.NumberOfObjects()) if is_joint(scene.mbs.GetObject(i)))
+    joint = first_object(scene.mbs, "JointGeneric")
     for name in ("ForceLocal", "TorqueLocal"):
         shows = getattr(exu.OutputVariableType, name)
         scene.mbs.AddSensor(itemInterface.SensorObject(name=name, objectNumber=joint, outputVariableType=shows))
