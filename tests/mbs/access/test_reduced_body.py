@@ -244,7 +244,7 @@ def test_held_modes_are_those_without_the_rigid_motion():
 
 
 def test_modes_that_miss_the_conditions_by_little_have_a_rigid_part(monkeypatch):
-    """The plan tells how much; tests/mbs/floating/test_rigid_part.py: with which estimates."""
+    """The plan tells how much; tests/mbs/floating/test_frames_and_cures.py: with which estimates."""
     moved = moved_modes()[0]
     monkeypatch.setattr(floating, "reduce", lambda fem, n, kind: setattr(fem, "modeBasis", moved.modeBasis))
     scene = floating.clamped_bar(5, h=1e-3, t_end=2e-3)
