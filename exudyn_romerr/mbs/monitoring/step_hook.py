@@ -22,7 +22,7 @@ from ..access.mbs_items import FFRF, Items
 from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
-from ..mirror.layout import require_covered
+from ..mirror.hollow_copy import require_covered
 from ..mirror.pre_step import parameters
 from ..mirror.told_solve import Asked, Ended
 from .live_output import live_line

@@ -17,8 +17,7 @@ from exudyn_romerr.mbs.access.detached import Detached
 from exudyn_romerr.mbs.mirror import recorder as module
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror import vectors
-from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
-from exudyn_romerr.mbs.mirror.layout import unknowns_of
+from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy, unknowns_of
 from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
