@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr import ElasticBody
+from exudyn_romerr import ElasticBody, add_reduced_body
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.linear.residual.residual import initial_coordinates
-from exudyn_romerr.mbs import add_reduced_body
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 from tests.helpers import tolerances as tol

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr import attach
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK
-from exudyn_romerr.mbs import attach
 from exudyn_romerr.mbs.floating import moving_subject
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook

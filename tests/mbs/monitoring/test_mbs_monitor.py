@@ -10,12 +10,13 @@ import exudyn as exu
 import numpy as np
 import pytest
 
+from exudyn_romerr import add_reduced_body, attach
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK, Run
-from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
+from exudyn_romerr.mbs.monitoring.monitor import MechanismMonitor
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
 from models import floating
