@@ -273,9 +273,8 @@ class MovingSubject:
         signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
         known = self._made.pop(signature, None)
         if known is None:
-            terms = InputTerms(actions, support.at_rest, self.flex, model.held, model.rigid)
-            offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
-            known = Sampler.of(model.frame, actions, terms, offline)
+            terms = InputTerms(seen, support.at_rest)
+            known = Sampler.of(seen, terms, self._prepare(seen, terms, self._scene(seen, terms, support, level)))
         self._made = dict([*self._made.items()][-1:])
         # functions of time may be other ones
         self._made[signature] = self._sampler = replace(known, actions=actions)
