@@ -17,7 +17,7 @@ from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
 from ..access.solvers import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
-from .found_bodies import StandIn
+from .found_bodies import DYNAMIC, STATIC, StandIn, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from .found_bodies import FoundBodies
 
-DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
-STATIC = "MainSolverStatic"
 Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, what tells of it, what is put back when it has ended
 WHILE_TOLD = f"{INTERRUPTED} while its error was computed"
 NOTHING: Opened = (None, None, None)
@@ -97,7 +95,7 @@ class WatchedSolves(StandIn):
             from .recorded_solve import ATTACHED_BY_SCRIPT, RecordedSolve, monitor_of_script
 
             kept, monitor = ExitStack(), monitor_of_script(mbs)
-            settings = arguments[0] if arguments else options.get("simulationSettings")
+            settings = settings_of(arguments, options)
             if monitor is None:
                 recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
                 kept.callback(recorded.close)
