@@ -26,6 +26,7 @@ from tests.helpers.mechanism_runs import (
     steps_of,
     watch,
 )
+from tests.helpers.observed import attached
 
 SAME = 1e-5  # of the largest: what Newton's iterations leave, and modes that start at random
 OFF = 0.06  # of the error
@@ -66,8 +67,7 @@ def test_a_solve_that_goes_on_begins_with_accelerations_of_its_own(seed):
     mechanism = replace(drawn(seed), steps=20)
     truth, looser = (in_two_solves(built(mechanism, True, factor)) for factor in (0.1, 1.0))
     scene, few = built(mechanism), in_two_solves(built(mechanism, iterate=0.1))
-    flex = romerr.floating_body(scene.fems[0], scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors[0].values()))
+    monitor = attached(scene, outputs=list(scene.sensors[0].values()))
     computed = in_two_solves(scene)
     for name, out in monitor.report().outputs.items():
         floor = np.max(np.abs(truth[name] - looser[name])) + np.max(np.abs(computed[name] - few[name]))
@@ -206,7 +206,7 @@ def test_body_attached_before_a_solve_goes_on():
 def test_threads_of_the_run_stay(capfd):
     """Exudyn has one task manager; a solver of ours that was initialised without threads ended it for the run."""
     found, threads = [], []
-    for attached in (False, True):
+    for is_watched in (False, True):
         scene = pendulum(0, steps=10)  # eigenmodes differ in the last bits each time they are computed
         scene.settings.parallel.numberOfThreads = 2
         threads.clear()
@@ -216,7 +216,7 @@ def test_threads_of_the_run_stay(capfd):
             return True
 
         scene.mbs.SetPostStepUserFunction(count)
-        if attached:
+        if is_watched:
             watch(scene)
         solve(scene)
         found.append([threads[0], threads[-1], scene.mbs.systemData.GetODE2Coordinates().tolist()])
@@ -273,8 +273,7 @@ def test_one_load_step_leaves_an_equilibrium_to_go_on_from():
     """
     one = of_one_bar(425, base="bushing")
     full, scene = in_equilibrium(built(one, True)), built(one)
-    flex = romerr.floating_body(scene.fems[0], scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors[0].values()))
+    monitor = attached(scene, outputs=list(scene.sensors[0].values()))
     in_equilibrium(scene)
     scene.settings.timeIntegration.numberOfSteps, scene.settings.timeIntegration.endTime = STEPS, STEPS * one.h
     scene.mbs.SolveDynamic(scene.settings)
@@ -303,8 +302,7 @@ def test_a_driven_joint_that_lags_keeps_no_error_from_being_carried_over():
     one = of_one_bar(428)
     assert one.base == "driven"
     scene = built(one)
-    flex = romerr.floating_body(scene.fems[0], scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors[0].values()))
+    monitor = attached(scene, outputs=list(scene.sensors[0].values()))
     by_the_trapezoidal_rule(scene, one.h)
     before, after = monitor.report(0), monitor.report(1)
     assert set(after.scope.values()) == {COUPLED}

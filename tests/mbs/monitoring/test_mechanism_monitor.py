@@ -17,7 +17,7 @@ from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import floating, mechanisms
 from tests.helpers import mbs_scenes
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
-from tests.helpers.observed import attached_all, flexes, named
+from tests.helpers.observed import attached_all, flexes, named, observed_all
 
 T_END = 0.01  # s
 BASIS = 2e-3  # of the error of the basis: what 26 vectors leave of it; measured 1.4e-3
@@ -150,9 +150,7 @@ def test_lie_group_nodes_are_not_covered():
         initialAngularVelocity=[1.0, 2.0, 3.0],
         nodeType=exu.NodeType.RotationRotationVector,
     )
-    monitor = attached_all(scene, outputs=[scene.sensors["tip 1"]])
-    solve(scene)
-    report = monitor.report()
+    report = observed_all(scene, outputs=[scene.sensors["tip 1"]])
     assert set(report.scope.values()) == {FROZEN}
     assert "RigidBodyRotVecLG is not covered" in report.scope_reason
 
@@ -222,10 +220,9 @@ def test_a_saved_report_says_the_same(report, tmp_path):
 def test_a_report_is_drawn_and_written(tmp_path):
     """One body, one output; the page draws both."""
     scene = slider_crank(t_end=0.002)
-    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]])
-    solve(scene)
-    assert monitor.report().plot(tmp_path / "run.png").axes
-    monitor.report().to_html(tmp_path / "run.html")
+    report = observed_all(scene, outputs=[scene.sensors["piston Displacement"]])
+    assert report.plot(tmp_path / "run.png").axes
+    report.to_html(tmp_path / "run.html")
     assert "piston Displacement" in (tmp_path / "run.html").read_text(encoding="utf-8")
 
 
@@ -296,9 +293,7 @@ def test_tolerances_and_bound_sensors_find_their_body():
 
 def test_without_a_linearised_mechanism_sensors_are_left_out():
     scene = slider_crank(t_end=0.002)
-    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]], scope=FROZEN)
-    solve(scene)
-    report = monitor.report()
+    report = observed_all(scene, outputs=[scene.sensors["piston Displacement"]], scope=FROZEN)
     assert (report.outputs, report.scope["auxiliary"]) == ({}, FROZEN)
     assert dict(report.plan.left_out)["piston Displacement"] == NOT_TOLD
     assert f"scope={FROZEN!r} was asked for" in report.scope_reason
@@ -332,10 +327,9 @@ def test_a_changed_mbs_is_not_read():
         return True
 
     scene.mbs.SetPostStepUserFunction(change)
-    monitor = attached_all(scene, outputs=[scene.sensors["piston Displacement"]])
-    solve(scene)
-    assert dict(monitor.report().plan.left_out)["piston Displacement"] == NOT_TOLD
-    assert "parameters that the script changes" in monitor.report().scope_reason
+    report = observed_all(scene, outputs=[scene.sensors["piston Displacement"]])
+    assert dict(report.plan.left_out)["piston Displacement"] == NOT_TOLD
+    assert "parameters that the script changes" in report.scope_reason
 
 
 # --- linear and floating bodies in one attach list: each is bounded as alone ---
