@@ -65,7 +65,7 @@ class Hook:
     def __init__(self, seed, is_wide, user=None):
         self.random, self.keeps_multipliers, self.user = np.random.default_rng(seed), is_wide, user
         self.told, self.end, self.system = [], np.inf, System(range(0, 1000, 7))
-        self.step, self.drain, self.hurry = step_hook.gatherer(SimpleNamespace(systemData=self.system), self)
+        self.step, self.drain, self.end_block = step_hook.gatherer(SimpleNamespace(systemData=self.system), self)
 
     def begin(self, mbs):
         self.flush()
@@ -78,7 +78,7 @@ class Hook:
     def flush(self):
         self.told.append([x.copy() for x in self.drain()])
 
-    def goes_on(self):
+    def rows_until_next(self):
         self.flush()
         return self.random.choice([0.0, 1.0, 4.0, np.inf], p=[0.05, 0.15, 0.2, 0.6]) if self.told else 1
 
@@ -100,7 +100,7 @@ class Hook:
                 if self.random.uniform() < 0.05:
                     self.flush()
                 if self.random.uniform() < 0.03:
-                    self.hurry()
+                    self.end_block()
         self.flush()
         return self.told, system.asked
 

@@ -49,9 +49,9 @@ def _what_numbers_cannot_say(watch: MonitoredBody) -> str:
 
 
 def sensor_of(
-    look: Callable[[], None], watch: MonitoredBody, out: Output, options: dict[str, Any]
+    evaluate: Callable[[], None], watch: MonitoredBody, out: Output, options: dict[str, Any]
 ) -> SensorUserFunction:
-    """Return a sensor that shows the bound of an output of a watch; look() evaluates the rows stored so far.
+    """Return a sensor that shows the bound of an output of a watch; evaluate() evaluates the rows stored so far.
 
     Exudyn writes sensors after PostStep, so that this step's row is among those stored. What holds for its numbers,
     which they cannot say, is printed once a run, and when more is known.
@@ -60,7 +60,7 @@ def sensor_of(
 
     def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
         nonlocal rows, heard
-        look()
+        evaluate()
         found = bounds_at(watch, t).get(name)
         if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
             return [np.inf] * rows

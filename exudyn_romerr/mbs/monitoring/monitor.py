@@ -116,7 +116,7 @@ class Monitor:
             raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
         check_choice("output", output, outputs)
         self._watch.subject.at_every_step()
-        return sensor_of(self._hook.look, self._watch, outputs[output], options)
+        return sensor_of(self._hook.evaluate_now, self._watch, outputs[output], options)
 
     @one_thread()
     def report(self, i: int = -1) -> BoundReport:

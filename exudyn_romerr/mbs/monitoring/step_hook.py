@@ -38,9 +38,9 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
-    """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
+    """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; end_block().
 
-    hurry() ends the block at the next step. hook : a StepHook, with the user's own PostStep function, whether
+    end_block() ends the block at the next step. hook : a StepHook, with the user's own PostStep function, whether
     multipliers are kept, and the time from which on the last block is evaluated at every step; it is told of a solve
     that begins, of rows to be taken, and calls the user. Closures: as a method, with its look-ups of attributes, step
     would add 6 % to the step of a small body.
@@ -70,7 +70,7 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
         i += 1
         go_on = True
         if i == room:
-            room = int(min(hook.goes_on(), len(times)))
+            room = int(min(hook.rows_until_next(), len(times)))
             go_on = room > 0
         elif t >= end:
             hook.flush()  # while the mbs is what it was
@@ -87,7 +87,7 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
         n, i = i, 0
         return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n], multipliers[:n])
 
-    def hurry() -> None:
+    def end_block() -> None:
         nonlocal room
         stored()
         room = i + 1
@@ -103,10 +103,10 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
     recorder = None
     if loops is None:
         step.hook = hook
-        return step, drain, hurry
+        return step, drain, end_block
     recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, IN_PLACE[0], *readers, read_multipliers)
     recorder.hook = hook
-    return recorder, drain, hurry
+    return recorder, drain, end_block
 
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
@@ -130,7 +130,7 @@ class StepHook:
         self.run: MechanismRun | None = None  # of bodies that a mechanism reacts to, in the last solve
         self._ended: Ended | None = None  # how the rows so far have ended
         self._has_begun = False  # whether the solve has more rows than its first
-        self.step, self._drain, self._hurry = gatherer(mbs, self)
+        self.step, self._drain, self._end_block = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
@@ -256,13 +256,13 @@ class StepHook:
                 self._said.add(failure)
                 exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
 
-    def look(self) -> None:
+    def evaluate_now(self) -> None:
         """Evaluate the rows stored so far between two steps; the next one stops if a tolerance is exceeded."""
         self.flush()
         if self._is_over:
-            self._hurry()
+            self._end_block()
 
-    def goes_on(self) -> float:
+    def rows_until_next(self) -> float:
         """Evaluate the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
         self.flush()
         return 0 if self._is_over else min((watch.check.room for watch in self.watches), default=np.inf)
