@@ -429,7 +429,7 @@ CONTROLS = {  # torque by time, angle, rate -> how far estimates are off, of the
 def test_what_a_controller_does_is_told(name):
     """As the bar bends, in its frame; truth: all modes. How a hinge turns is told within its half width alone."""
     control, off = CONTROLS[name]
-    full, scene = arm(0, "complete", steps=40), arm(steps=40)
+    full, scene = arm(0, "complete", steps=30), arm(steps=30)
     for one in (full, scene):
         add_spring(one, control)
     full.solve()
