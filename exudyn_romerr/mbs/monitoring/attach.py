@@ -86,6 +86,8 @@ def _check_once(flexes: Sequence) -> None:
 
 def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | None, Any, str]]:
     """Number of the body, None: none, output or sensor number, and its name, of every entry of outputs."""
+    if not isinstance(outputs, list | tuple | str):
+        raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of sensors and (flex, output)")
     for out in _without_names(mbs, flexes, outputs):
         if isinstance(out, Integral | exu.SensorIndex):
             sensor = asked_sensor(mbs, int(out))

@@ -250,6 +250,7 @@ def test_equal_names_are_refused_with_both_places_and_sensors_get_their_numbers(
     ("outputs", "said"),
     [
         ([99], "outputs contains sensor 99; the mbs has"),
+        (99, "outputs is a int; needed: a list of sensors"),
         ([romerr.node_displacement("tip", node=0)], "of several bodies: a sensor's number or name, or"),
         (["tip"], "outputs names 'tip', and no sensor is called so; the mbs has sensors 0 '"),
     ],
