@@ -12,9 +12,14 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import exudyn_romerr as romerr
-from exudyn_romerr import mbs
-from exudyn_romerr.mbs.studies import parameter_sweep as study
+from exudyn_romerr.mbs.access.reduced_body import ReducedBody
+from exudyn_romerr.mbs.floating.floating_body import FloatingBody
+from exudyn_romerr.mbs.monitoring.monitor import MechanismMonitor, Monitor
+from exudyn_romerr.mbs.studies.parameter_sweep import Failure, Sweep
+from exudyn_romerr.mbs.studies.two_level import LevelOutput, TwoLevel
 
+# by public functions
+RETURNED = (ReducedBody, FloatingBody, MechanismMonitor, Monitor, Failure, Sweep, LevelOutput, TwoLevel)
 PAGE = ROOT / "docs" / "api.md"
 HEAD = """# All names
 
@@ -77,9 +82,7 @@ def class_entry(name: str, cls: type) -> str:
 def page() -> str:
     """Return the whole page."""
     public = {name: getattr(romerr, name) for name in romerr.__all__}
-    returned = {name: getattr(mbs, name) for name in mbs.__all__ if name not in public}
-    classes = {n: x for n, x in public.items() if inspect.isclass(x)} | returned
-    classes |= {"Failure": study.Failure, "Sweep": study.Sweep}
+    classes = {n: x for n, x in public.items() if inspect.isclass(x)} | {x.__name__: x for x in RETURNED}
     text = [HEAD]
     for title, names in GROUPS.items():
         functions = {name: public.pop(name) for name in names.split()}

@@ -18,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs import TwoLevel
+from exudyn_romerr.mbs.studies.two_level import TwoLevel
 from exudyn_romerr.report.plots.style import COLOURS, WIDE
 from models import mechanisms
 

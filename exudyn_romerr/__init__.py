@@ -17,19 +17,16 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .linear.residual.residual import initial_coordinates, initial_error
     from .linear.run.evaluate import Trajectory, evaluate
     from .linear.run.frequency_response import FrequencyResponse, frequency_response
-    from .mbs import (
-        add_reduced_body,
-        attach,
-        choose_modes,
-        evaluate_file,
-        floating_body,
-        hold_modes,
-        keep_modes,
-        mode_table,
-        set_modal_damping,
-        two_level,
-    )
+    from .mbs.access.fem_interface import hold_modes, keep_modes
+    from .mbs.access.reduced_body import add_reduced_body
+    from .mbs.floating.floating_body import floating_body
+    from .mbs.floating.modal_damping import set_modal_damping
+    from .mbs.monitoring.attach import attach
+    from .mbs.studies.choose_modes import choose_modes
+    from .mbs.studies.mode_table import mode_table
     from .mbs.studies.parameter_sweep import sweep
+    from .mbs.studies.solution_file import evaluate_file
+    from .mbs.studies.two_level import two_level
     from .mode_selection.mode_choice import ModeChoice
     from .mode_selection.mode_table import ModeTable
     from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
@@ -79,18 +76,18 @@ _MODULES = {
     "Verification": "scripts.verify",
     "VonMises": "report.derived",
     "add_bands": "report.plots.overlay",
-    "add_reduced_body": "mbs",
-    "attach": "mbs",
-    "choose_modes": "mbs",
+    "add_reduced_body": "mbs.access.reduced_body",
+    "attach": "mbs.monitoring.attach",
+    "choose_modes": "mbs.studies.choose_modes",
     "evaluate": "linear.run.evaluate",
-    "evaluate_file": "mbs",
-    "floating_body": "mbs",
+    "evaluate_file": "mbs.studies.solution_file",
+    "floating_body": "mbs.floating.floating_body",
     "frequency_response": "linear.run.frequency_response",
     "gramian_basis": "basis.basis",
-    "hold_modes": "mbs",
+    "hold_modes": "mbs.access.fem_interface",
     "initial_coordinates": "linear.residual.residual",
     "initial_error": "linear.residual.residual",
-    "keep_modes": "mbs",
+    "keep_modes": "mbs.access.fem_interface",
     "krylov_basis": "basis.basis",
     "load_report": "report.formats.load",
     "mass_orthogonal": "model.admissible_space",
@@ -98,7 +95,7 @@ _MODULES = {
     "mean_motion": "model.admissible_space",
     "mean_rotation": "model.outputs",
     "modal_basis": "basis.basis",
-    "mode_table": "mbs",
+    "mode_table": "mbs.studies.mode_table",
     "node_displacement": "model.outputs",
     "node_rotation": "model.outputs",
     "node_strain": "model.outputs",
@@ -109,10 +106,10 @@ _MODULES = {
     "read_body": "fe_files.read_body",
     "relative_displacement": "model.outputs",
     "run": "scripts.run",
-    "set_modal_damping": "mbs",
+    "set_modal_damping": "mbs.floating.modal_damping",
     "sweep": "mbs.studies.parameter_sweep",
     "tune": "scripts.tune",
-    "two_level": "mbs",
+    "two_level": "mbs.studies.two_level",
     "verify": "scripts.verify",
     "von_mises": "report.derived",
 }

@@ -109,7 +109,7 @@ class FEModel:
         """
         from ..mbs.access.fem_interface import fem_of  # Exudyn is there only where this is asked for
 
-        return fem_of(self.mass, self.stiffness, self.positions, self.elements, self.node_sets, self.held)
+        return fem_of(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to an .npz file that read_body reads again, faster than text; InputError if it cannot."""

@@ -60,7 +60,7 @@ def cure_of(
     if half <= RESOLVED * size or cause == "interfaces":
         return shorter_steps(size + half, limit, steps) if cause == "step" else OF_CAUSES[cause]
     # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
-    # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_cures.py)
+    # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_output_estimates.py)
     if beside_steps:
         return beside_steps[0]
     check = max(halves, key=halves.get)

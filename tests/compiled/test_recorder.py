@@ -8,8 +8,8 @@ import exudyn as exu
 import numpy as np
 import pytest
 
-from exudyn_romerr.mbs.access.state_guard import IN_PLACE, current_state, set_state, state_kept
-from exudyn_romerr.mbs.monitoring import step_recorder
+from exudyn_romerr.mbs.access.equations import IN_PLACE, current_state, set_state, state_kept
+from exudyn_romerr.mbs.monitoring import step_hook
 from tests.helpers.mbs_scenes import scene, settings
 
 SIZE, MULTIPLIERS = 3, 2
@@ -65,7 +65,7 @@ class Hook:
     def __init__(self, seed, is_wide, user=None):
         self.random, self.keeps_multipliers, self.user = np.random.default_rng(seed), is_wide, user
         self.told, self.end, self.system = [], np.inf, System(range(0, 1000, 7))
-        self.step, self.drain, self.hurry = step_recorder.gatherer(SimpleNamespace(systemData=self.system), self)
+        self.step, self.drain, self.end_block = step_hook.gatherer(SimpleNamespace(systemData=self.system), self)
 
     def begin(self, mbs):
         self.flush()
@@ -78,7 +78,7 @@ class Hook:
     def flush(self):
         self.told.append([x.copy() for x in self.drain()])
 
-    def goes_on(self):
+    def rows_until_next(self):
         self.flush()
         return self.random.choice([0.0, 1.0, 4.0, np.inf], p=[0.05, 0.15, 0.2, 0.6]) if self.told else 1
 
@@ -100,7 +100,7 @@ class Hook:
                 if self.random.uniform() < 0.05:
                     self.flush()
                 if self.random.uniform() < 0.03:
-                    self.hurry()
+                    self.end_block()
         self.flush()
         return self.told, system.asked
 
@@ -122,7 +122,7 @@ def test_rows_and_questions_are_the_same(compiled, monkeypatch, is_wide, user):
     for seed in range(40):
         found = []
         for loops in (None, compiled):
-            monkeypatch.setattr(step_recorder, "loops", loops)
+            monkeypatch.setattr(step_hook, "loops", loops)
             found.append(Hook(seed, is_wide, user).run())
         (told, asked), (told_compiled, asked_compiled) = found
         assert_same(told, told_compiled)
@@ -134,7 +134,7 @@ def test_rows_and_questions_are_the_same(compiled, monkeypatch, is_wide, user):
 def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):
     found = []
     for loops in (None, compiled):
-        monkeypatch.setattr(step_recorder, "loops", loops)
+        monkeypatch.setattr(step_hook, "loops", loops)
         mbs, _, monitor = scene()
         for _ in range(2):
             mbs.SolveDynamic(settings(40))
@@ -197,7 +197,7 @@ def test_memory_of_states_stays_in_a_solve():
 
 def test_it_goes_with_who_is_told(compiled, monkeypatch):
     """It holds the hook, which holds it."""
-    monkeypatch.setattr(step_recorder, "loops", compiled)
+    monkeypatch.setattr(step_hook, "loops", compiled)
     hook = Hook(1, True)
     hook.run()
     gone = weakref.ref(hook)

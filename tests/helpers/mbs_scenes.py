@@ -3,8 +3,8 @@
 import exudyn as exu
 import numpy as np
 
+from exudyn_romerr import add_reduced_body, attach
 from exudyn_romerr.basis.basis import Basis
-from exudyn_romerr.mbs import add_reduced_body, attach
 from exudyn_romerr.model.body import ElasticBody
 from exudyn_romerr.model.outputs import Output
 

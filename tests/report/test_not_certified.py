@@ -293,9 +293,8 @@ def test_lines_in_the_solver_s_output_say_so():
     def line(run):
         out = SimpleNamespace(name="tip", unit="m")
         watch = SimpleNamespace(
-            run=run, succession=SimpleNamespace(runs=[run]), subject=SimpleNamespace(outputs=[out])
+            run=run, succession=SimpleNamespace(last=(1.0,)), subject=SimpleNamespace(outputs=[out])
         )
-        watch.bounded_until = lambda: 1.0
         return live_line([watch], 1.0)
 
     assert line(Bounded(DOUBTS["goes on"])) == "error bounds at t = 1: tip 2 m, inputs frozen, not certified\n"

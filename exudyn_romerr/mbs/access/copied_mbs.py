@@ -10,7 +10,7 @@ x_i x u_i, and nothing else of the mesh is in the equations of ObjectFFRFreduced
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
@@ -18,12 +18,13 @@ import numpy as np
 from .mbs_items import FFRF, Items
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from ...basis.shape_sums import ShapeSums
     from .detached import Detached
 
 RIGID, POSITION = "SuperElementRigid", "SuperElementPosition"
+COORDINATES = ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t")  # of nodes
 WITHOUT_NODES = ("BodyMass", "ObjectODE2Coordinates")  # markers that no node moves
 # around their middle, of mean square distance 1
 TRIANGLE = np.array([[1.0, 0.0, 0.0], [-0.5, 0.75**0.5, 0.0], [-0.5, -(0.75**0.5), 0.0]])
@@ -57,10 +58,7 @@ def copy_items(
     for i, item in enumerate(of.nodes):
         node = bare(item, detached)
         if i in counts:
-            more = counts[i] - node["numberOfODE2Coordinates"]
-            node["numberOfODE2Coordinates"] = counts[i]
-            for name in ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"):
-                node[name] = np.append(node[name], np.zeros(more))
+            node = widened_node(node, counts[i] - node["numberOfODE2Coordinates"])
         to.AddNode(node)
     for item in objects:
         to.AddObject(item)
@@ -130,25 +128,23 @@ def _light(turns: bool, x: np.ndarray, V: np.ndarray, weights: np.ndarray) -> tu
     return middle + corners, move + np.cross(turn[None], corners[:, :, None], axis=1), np.full(3, 1 / 3)
 
 
-class WithShapes(Protocol):
-    """A body's modes and vectors (N, k), sums of these over its nodes, and X^T D Y of (X, Y, X^T M Y, X^T K Y)."""
-
-    shapes: np.ndarray
-    sums: ShapeSums
-    damping: Callable[..., np.ndarray]
+def widened_node(node: dict[str, Any], more: int) -> dict[str, Any]:
+    """Return a node of modal coordinates with so many more, which are zero."""
+    longer = {name: np.append(node[name], np.zeros(more)) for name in COORDINATES}
+    return {**node, **longer, "numberOfODE2Coordinates": node["numberOfODE2Coordinates"] + more}
 
 
-def object_terms(body: WithShapes) -> dict[str, Any]:
-    """Return what an ObjectFFRFreducedOrder has of a body's modes and vectors.
+def object_terms(U: np.ndarray, sums: ShapeSums, damping: np.ndarray | None = None) -> dict[str, Any]:
+    """Return what an ObjectFFRFreducedOrder has of a body's modes and vectors U (N, k), damping (k, k), None: zero.
 
     As ObjectFFRFreducedOrderInterface makes it, with M = m (x) I, so that all follows from the sums of u_i (m u)_j
     over the nodes.
     """
-    U, (of_U, of_x, pull, M, K) = body.shapes, body.sums
+    of_U, of_x, pull, M, K = sums
     k = U.shape[1]
     twice = np.einsum("cd,iikl->kcld", np.eye(3), of_U) - of_U.transpose(2, 1, 3, 0)
     once = np.einsum("cd,iil->cld", np.eye(3), of_x) - of_x.transpose(1, 2, 0)
-    matrices = {"mass": M, "stiffness": K, "damping": body.damping(U, U, M, K)}
+    matrices = {"mass": M, "stiffness": K, "damping": 0 * M if damping is None else damping}
     return {
         **{f"{name}MatrixReduced": exu.MatrixContainer(matrix) for name, matrix in matrices.items()},
         "modeBasis": U,

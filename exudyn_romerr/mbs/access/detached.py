@@ -10,7 +10,7 @@ import random
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ...errors import AssumptionError
+from .equations import current_state, state_set
+from .mbs_items import Items
 
 PLACES = ("stdlib", "platstdlib", "purelib", "platlib")
 INSTALLED = tuple(str(Path(sysconfig.get_path(place)).resolve()) + os.sep for place in PLACES)
@@ -62,25 +64,43 @@ class Detached:
     Classes, functions and modules of libraries, and objects of Exudyn stay what they are; of main systems copies can
     only read. Does not cover: what functions of libraries keep, lists and the like that a class of the user's has.
 
-    lost : why they cannot be copied, so that they must not be called; empty: they can.
+    lost : why they cannot be copied, so that they must not be called; empty: they can. names : of globals and
+    attributes in the functions.
     """
 
     def __init__(self, mbs: Any, functions: Sequence[Callable]):
         """Copy; mbs : whose variables they know, None: of none."""
         self._functions, self.lost, self._kept = functions, "", b""
+        self._held: dict[int, Any] = {}  # what stays
+        self._classes: list[type] = []  # the user's
+        self._interfaces: list[Any] = []  # of bodies: their function for the mass writes into a matrix that they keep
+        self.names: set[str] = set()
         of_mbs = [{}, {}] if mbs is None else [mbs.variables, mbs.sys]
-        self._pickler, self._copies = _Pickler(), [*of_mbs, *functions]
+        self._copies = [*of_mbs, *functions]
         if functions:
             try:
-                self._kept = self._pickler.dumps(self._copies)
-                self._copies = self._pickler.loads(self._kept)
+                self._kept = self._pickled(self._copies)
+                self._copies = self._unpickled(self._kept)
             except Exception as error:  # whatever a script may hold
                 self.lost = str(error)
 
-    @property
-    def names(self) -> set[str]:
-        """Globals and attributes that the functions name."""
-        return self._pickler.names
+    def _pickled(self, value: Any, to_be_read: bool = True) -> bytes:
+        """Return it pickled; else as it is compared, without variables of modules, of which copies have others."""
+        file = io.BytesIO()
+        _Writer(file, self, to_be_read).dump(value)
+        return file.getvalue()
+
+    def _unpickled(self, kept: bytes) -> Any:
+        return _Reader(io.BytesIO(kept), self._held).load()
+
+    def held(self, x: Any) -> tuple:
+        """Return how something is pickled that stays what it is."""
+        if id(x) not in self._held and isinstance(x, type) and _is_users(_file_of(x.__module__)):
+            self._classes.append(x)
+        if id(x) not in self._held and type(x).__name__ == INTERFACE:
+            self._interfaces.append(x)
+        self._held[id(x)] = x
+        return _same, (id(x),)
 
     @property
     def spaces(self) -> tuple[Any, Any]:
@@ -96,15 +116,15 @@ class Detached:
         """Whether the copies keep something else than at first."""
         if not self._functions or self.lost:
             return False
-        now, first = (self._pickler.dumps(x, False) for x in (self._copies, self._pickler.loads(self._kept)))
+        now, first = (self._pickled(x, False) for x in (self._copies, self._unpickled(self._kept)))
         return now != first
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:
         """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses."""
         of_random, of_numpy = random.getstate(), np.random.get_state(legacy=False)
-        of_classes = [(one, name, x) for one in self._pickler.classes for name, x in _numbers(one)]
-        masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._pickler.interfaces]
+        of_classes = [(one, name, x) for one in self._classes for name, x in _numbers(one)]
+        masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._interfaces]
         own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if self._functions and not self.lost]
         try:
             for mbs, *_ in own:
@@ -125,35 +145,6 @@ def _numbers(of: type) -> list[tuple[str, Any]]:
     return [(name, x) for name, x in vars(of).items() if type(x) in NUMBERS and not name.startswith("__")]
 
 
-class _Pickler:
-    """Pickles what functions keep, but for what stays what it is; the user's functions and modules by their parts."""
-
-    def __init__(self) -> None:
-        self._held: dict[int, Any] = {}  # what stays
-        self.classes: list[type] = []  # the user's
-        self.interfaces: list[Any] = []  # of bodies: their function for the mass writes into a matrix that they keep
-        self.names: set[str] = set()  # of globals and attributes in the user's functions
-
-    def dumps(self, value: Any, to_be_read: bool = True) -> bytes:
-        """Return it pickled; else as it is compared, without variables of modules, of which copies have others."""
-        file = io.BytesIO()
-        _Writer(file, self, to_be_read).dump(value)
-        return file.getvalue()
-
-    def loads(self, kept: bytes) -> Any:
-        """Return a copy of what was pickled."""
-        return _Reader(io.BytesIO(kept), self._held).load()
-
-    def held(self, x: Any) -> tuple:
-        """Return how something is pickled that stays what it is."""
-        if id(x) not in self._held and isinstance(x, type) and _is_users(_file_of(x.__module__)):
-            self.classes.append(x)
-        if id(x) not in self._held and type(x).__name__ == INTERFACE:
-            self.interfaces.append(x)
-        self._held[id(x)] = x
-        return _same, (id(x),)
-
-
 class _Reader(pickle.Unpickler):
     """Gives what stays."""
 
@@ -168,7 +159,9 @@ class _Reader(pickle.Unpickler):
 
 
 class _Writer(pickle.Pickler):
-    def __init__(self, file: io.BytesIO, of: _Pickler, to_be_read: bool):
+    """Pickles what functions keep, but for what stays what it is; the user's functions and modules by their parts."""
+
+    def __init__(self, file: io.BytesIO, of: Detached, to_be_read: bool):
         super().__init__(file, pickle.HIGHEST_PROTOCOL)
         self._of, self._to_be_read = of, to_be_read
         self._spaces = 0
@@ -302,3 +295,71 @@ def _file_of(module: str) -> str:
 def _is_users(file: str) -> bool:
     """Whether code is in a file that nobody has installed, or in none."""
     return not (file and str(Path(file).resolve()).startswith((*INSTALLED, OURS)))
+
+
+LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
+MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
+LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
+
+
+def controller(mbs: Any, number: int, load: dict[str, Any]) -> str:
+    """Return the name of a load that is no function of time alone: it sees the motion, or keeps something; else "".
+
+    Copies of its functions are called in this state twice, in another one and a little later. Those that keep what
+    cannot be copied are not called.
+    """
+    why = _why_not_by_time_alone(mbs, load)
+    return "" if why is None else f"load {number} ({load['name']}{why})"
+
+
+def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
+    """None if a load is a function of time alone; else what its function keeps, if that cannot be copied."""
+    if not (functions := load_functions(load)):
+        return None
+    t = mbs.systemData.GetTime()
+    given, detached = load.get("loadVector", load.get("load")), Detached(mbs, functions)
+    if detached.lost:
+        return f", whose function keeps what cannot be copied: {detached.lost}"
+
+    def values(at: float = t) -> Any:  # given as Exudyn does: a number, or a list of their own, to write to
+        return np.hstack(
+            [np.ravel(detached.of(f)(OnlyReads(mbs), at, np.asarray(given).tolist())) for f in functions]
+        )
+
+    with detached.in_use(mbs):
+        try:
+            found = [values(), _elsewhere(mbs.systemData, values)]
+        except AssumptionError as error:
+            return f", for {error}"
+        with suppress(Exception):  # a table that ends here
+            values(t + LATER * max(abs(t), 1.0))
+        found.append(values())
+    same = all(np.array_equal(found[0], row, equal_nan=True) for row in found)
+    return None if same and not detached.has_changed() else ""
+
+
+def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
+    """What values are in another state: each coordinate is moved by another amount."""
+    q, q_t, q_tt, multipliers = current_state(system)
+    shifts, rates = (MOVED * (1 + of(np.arange(len(q)))) for of in (np.sin, np.cos))
+    with state_set(system, system.GetTime(), (q + shifts, q_t + rates, q_tt + shifts, multipliers + MOVED)):
+        return values()
+
+
+def load_functions(load: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
+    found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
+    return [f for f in found if callable(f)]
+
+
+def user_functions(mbs: Any) -> list[Callable]:
+    """Return the user functions of loads and objects."""
+    items = Items(mbs)
+    found = [f for load in items.loads for f in load_functions(load)]
+    return [*found, *(f for item in items.objects for f in functions_of(item))]
+
+
+def functions_of(item: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of an object."""
+    values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
+    return [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,6 +10,49 @@ import exudyn as exu
 import numpy as np
 
 from ...errors import AssumptionError
+
+IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs, to be read or written at once
+
+
+def current_state(system: Any) -> tuple[np.ndarray, ...]:
+    """Return q, q_t, q_tt and multipliers."""
+    rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
+    return system.GetODE2Coordinates(), *rates, system.GetAECoordinates()
+
+
+def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
+    """Set time, q, q_t, q_tt and multipliers.
+
+    In place: Exudyn's functions that set them make a list of numbers first, which takes five times as long.
+    """
+    system.SetTime(t)
+    for place, x in zip(state_in_place(system), state, strict=True):
+        place[:] = x
+
+
+def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
+    """Return q, q_t, q_tt and multipliers where they are in the memory of the mbs."""
+    rates = system.GetODE2Coordinates_t(*IN_PLACE), system.GetODE2Coordinates_tt(*IN_PLACE)
+    return system.GetODE2Coordinates(*IN_PLACE), *rates, system.GetAECoordinates(*IN_PLACE)
+
+
+@contextmanager
+def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
+    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
+    t, state = system.GetTime(), current_state(system)
+    try:
+        yield state
+    finally:
+        set_state(system, t, state)
+
+
+@contextmanager
+def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
+    """Set the current state for a while."""
+    with state_kept(system):
+        set_state(system, t, state)
+        yield
+
 
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
 _LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of the run go with it

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from exudyn.FEM import FEMinterface
 
 from ...checks import check_numbers
@@ -87,18 +86,12 @@ def _modes(fem: Any, caller: str) -> np.ndarray:
     return fem.modeBasis["matrix"]
 
 
-def fem_of(
-    mass: sp.csr_matrix,
-    stiffness: sp.csr_matrix,
-    positions: np.ndarray | None,
-    elements: dict[str, np.ndarray],
-    node_sets: dict[str, np.ndarray],
-    held: np.ndarray,
-) -> FEMinterface:
-    """Return nodes, matrices, elements with surface and node sets, of the fields of an FEModel; see its to_fem."""
+def fem_of(model: Any) -> FEMinterface:
+    """Return nodes, matrices, elements with surface and node sets of an FEModel; see its to_fem."""
+    positions, held = model.positions, model.held
     if positions is None:
         raise InputError("no file had node positions, which Exudyn needs; pass mesh=, a file that has them")
-    if mass.shape[0] != 3 * len(positions):
+    if model.mass.shape[0] != 3 * len(positions):
         raise InputError("the nodes have rotations (6 coordinates a node); Exudyn's floating bodies are solids")
     if len(held):
         raise InputError(
@@ -107,14 +100,14 @@ def fem_of(
         )
     fem = FEMinterface()
     fem.nodes = {"Position": np.array(positions)}
-    fem.massMatrix, fem.stiffnessMatrix = mass.copy(), stiffness.copy()
-    fem.elements = [{"Name": kind, kind: np.array(x)} for kind, x in elements.items()]
+    fem.massMatrix, fem.stiffnessMatrix = model.mass.copy(), model.stiffness.copy()
+    fem.elements = [{"Name": kind, kind: np.array(x)} for kind, x in model.elements.items()]
     fem.nodeSets = [
         {"Name": name, "NodeNumbers": np.array(x), "NodeWeights": np.full(len(x), 1 / len(x))}
-        for name, x in node_sets.items()
+        for name, x in model.node_sets.items()
         if len(x)
     ]
-    if elements and set(elements) <= set(SURFACES):
+    if model.elements and set(model.elements) <= set(SURFACES):
         fem.VolumeToSurfaceElements()
         fem.ConvertSurfaceLists2Numpy()
     fem.metaData["source"] = "exudyn_romerr.read_body"

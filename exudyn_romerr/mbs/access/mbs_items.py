@@ -16,30 +16,14 @@ class Items:
     def __init__(self, mbs: Any):
         self.mbs, self._system = mbs, mbs.systemData
 
-    @cached_property
-    def nodes(self) -> list[dict[str, Any]]:
-        """All nodes."""
-        return [*map(self.mbs.GetNode, range(self._system.NumberOfNodes()))]
+    def _all(self, kind: str) -> list[dict[str, Any]]:
+        return [*map(getattr(self.mbs, f"Get{kind}"), range(getattr(self._system, f"NumberOf{kind}s")()))]
 
-    @cached_property
-    def objects(self) -> list[dict[str, Any]]:
-        """All objects."""
-        return [*map(self.mbs.GetObject, range(self._system.NumberOfObjects()))]
-
-    @cached_property
-    def markers(self) -> list[dict[str, Any]]:
-        """All markers."""
-        return [*map(self.mbs.GetMarker, range(self._system.NumberOfMarkers()))]
-
-    @cached_property
-    def loads(self) -> list[dict[str, Any]]:
-        """All loads."""
-        return [*map(self.mbs.GetLoad, range(self._system.NumberOfLoads()))]
-
-    @cached_property
-    def sensors(self) -> list[dict[str, Any]]:
-        """All sensors."""
-        return [*map(self.mbs.GetSensor, range(self._system.NumberOfSensors()))]
+    nodes = cached_property(lambda self: self._all("Node"))
+    objects = cached_property(lambda self: self._all("Object"))
+    markers = cached_property(lambda self: self._all("Marker"))
+    loads = cached_property(lambda self: self._all("Load"))
+    sensors = cached_property(lambda self: self._all("Sensor"))
 
 
 def sensor_names(mbs: Any) -> list[str]:

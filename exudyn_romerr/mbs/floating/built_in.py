@@ -8,7 +8,6 @@ this body and nothing else. What they do along a run is checked with all the res
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import exudyn as exu
@@ -17,13 +16,10 @@ import numpy as np
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
 from ..access.copied_mbs import bare, object_terms
-from ..access.detached import Detached
-from ..access.endings import raised
-from ..access.equations import Equations
-from ..access.load_functions import functions_of
+from ..access.detached import Detached, functions_of
+from ..access.equations import Equations, set_state
 from ..access.mbs_items import QUATERNIONS, Items, dense
-from ..access.solvers import threads
-from ..access.state_guard import set_state
+from ..access.solvers import raised, threads
 from .floating_body import object_of
 
 if TYPE_CHECKING:
@@ -95,8 +91,7 @@ def built_in(mbs: Any, flex: FloatingBody) -> tuple[dict[str, Any], np.ndarray]:
 def _built_in(item: dict[str, Any], flex: FloatingBody) -> dict[str, Any]:
     """What a built-in object has with the modes and reduced matrices of this one."""
     V, x, mass = np.asarray(item["modeBasis"], dtype=float), flex.positions, flex.mass[::3, ::3]
-    sums = ShapeSums.of(flex.mass, flex.stiffness, x, V)
-    made = object_terms(SimpleNamespace(shapes=V, sums=sums, damping=lambda *of: 0 * of[2]))
+    made = object_terms(V, ShapeSums.of(flex.mass, flex.stiffness, x, V))
     total, second = float(mass.sum()), x.T @ (mass @ x)
     middle = np.asarray(mass.sum(axis=0)).ravel() @ x / total
     return {

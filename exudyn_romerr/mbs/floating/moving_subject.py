@@ -5,7 +5,7 @@ The frame's inertia terms, the loads and the wrenches of joints are inputs of a 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,18 +20,14 @@ from ...linear.run.prepare import BoundOptions, prepare
 from ...model.floating_frame import FramePose, Jitter
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ..access.mbs_items import node_coordinates
+from ..access.mbs_items import Items, is_active, node_coordinates, nodes_of, numbers
 from ..access.solvers import load_factor
 from .built_in import as_built_in
 from .floating_body import read_object
 from .modal_damping import damping_text, require_modal_damping
-from .reference_search import seen_body, stiff_space
+from .reference_search import seen_body
 from .sampler import InputTerms, Sampler
-from .scope_decision import find_level, read_support, require_free_node, why_not_told
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
-
-BY_MECHANISM = "linearised mechanism: modes by {} vectors, rigid interfaces by those that deform them; time steps"
-VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,8 +36,133 @@ if TYPE_CHECKING:
     from ...model.body import ElasticBody
     from ...model.outputs import Output, View
     from .floating_body import FloatingBody, ReducedMatrices
+    from .loads_and_joints import Actions
     from .reference_search import SeenBody
-    from .scope_decision import Level, Support
+
+GROUND = ("Ground", "PointGround")
+AUTO = "auto"
+ASKABLE = (AUTO, COUPLED, FROZEN)
+NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
+REACTING = "; these react to the body's deformation: "  # goes on with what they are
+OF_A_FILE = "of a file"
+# scopes that leave the feedback of a mechanism out, and why
+WITHOUT_FEEDBACK = {
+    OF_A_FILE: "a file is evaluated for one body alone, attach before the solve has those of all",
+    FROZEN: f"scope={FROZEN!r} was asked for",
+}
+ONLY_VECTORS = "estimators={!r} are known with frozen inputs only: 'auto' asks for the mechanism's"
+FEWEST = 6  # vectors: of fewer no part tells what is left out
+TOO_FEW = f"auxiliary_modes={{}} is too few to check what they leave out: {FEWEST} or more"
+GIVEN_START = (
+    "initial= and jumps= are covered with frozen inputs only; after SolveStatic a solve starts in its equilibrium"
+)
+
+
+@dataclass(frozen=True)
+class Support:
+    """at_rest: the frame does not move; else functions of time move it, or it reacts to the body."""
+
+    at_rest: bool
+    text: str
+
+
+@dataclass(frozen=True)
+class Level:
+    """What bounds cover: scope and its reason. note : why it is no wider, if the user may do something about it."""
+
+    scope: str
+    reason: str
+    note: str = ""
+
+
+def why_not_told(scope: str, options: BoundOptions) -> str:
+    """Return why no linearised mechanism can tell what attach was asked for; empty: it can."""
+    if scope in WITHOUT_FEEDBACK:
+        return WITHOUT_FEEDBACK[scope]
+    asked, count = options.estimators, options.auxiliary_modes
+    if asked not in (AUTO, "auxiliary") and set(asked) != {"auxiliary"}:
+        return ONLY_VECTORS.format(asked)
+    if options.initial is not None or len(options.jumps):
+        return GIVEN_START
+    return TOO_FEW.format(count) if count != AUTO and count < FEWEST else ""
+
+
+def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> Level:
+    """Return what bounds of the body alone cover. scope : asked for; why_not : no mechanism tells more."""
+    reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
+    if not support.at_rest:
+        reacting.insert(0, "the frame")
+    if not reacting:
+        return Level(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
+    frozen = (
+        f"{', '.join(reacting)}; the bound holds for the full body under the "
+        "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
+        "make of them, is not covered and may make the error of the whole mechanism many times larger"
+    )
+    note = f"{NO_COUPLED}{why_not}"
+    return Level(FROZEN, f"{note}{REACTING}{frozen}", note="" if scope == FROZEN else note)
+
+
+def read_support(items: Items, model: ReducedMatrices, reference_markers: set[int]) -> Support:
+    """Return how the frame is held: by a weld of its reference interface to the ground, or of its own node."""
+    for i, item in enumerate(items.objects):
+        if not is_active(item) or not _welds(items, item, reference_markers):
+            continue
+        if item["offsetUserFunction"]:
+            return Support(False, f"object {i} ({item['name']}) moves the reference interface by its function")
+        return Support(True, f"object {i} ({item['name']}) welds the reference interface to the ground")
+    held = _held_coordinates(items, model)
+    if len(held) >= model.frame.size - (model.frame.size == 7):  # Euler parameters: the last follows from the others
+        return Support(True, f"coordinate constraints hold the frame's node {model.nodes[0]}")
+    return Support(False, "the frame moves as joints, connectors and loads let it")
+
+
+def require_free_node(items: Items, model: ReducedMatrices) -> None:
+    """AssumptionError if something acts on the frame's node itself, of modes that move the body in this frame.
+
+    A force there does no work on modes, as one on the body would, whose rigid part it moves.
+    """
+    own = {i for i, marker in enumerate(items.markers) if model.nodes[0] in nodes_of(marker)}
+    acting = [item["name"] for item in items.objects if own & numbers(item, "markerNumbers")]
+    acting += [load["name"] for load in items.loads if int(load["markerNumber"]) in own]
+    if acting:
+        raise AssumptionError(
+            f"{', '.join(acting)} act on the frame's node {model.nodes[0]} itself, and {model.rigid.share:.1e} of a "
+            "mode moves the body as a rigid one in this frame: call romerr.hold_modes(fem, nodes, weights) with the "
+            "interface that holds the frame before ObjectFFRFreducedOrderInterface(fem), or use markers on mesh nodes"
+        )
+
+
+def _welds(items: Items, item: dict, reference_markers: set[int]) -> bool:
+    """Whether the object locks all six axes between a marker of the reference interface and the ground."""
+    markers = numbers(item, "markerNumbers")
+    if item["objectType"] != "JointGeneric" or not all(item["constrainedAxes"]) or not markers & reference_markers:
+        return False
+    return all(_is_on_ground(items, number) for number in markers - reference_markers)
+
+
+def _is_on_ground(items: Items, number: int) -> bool:
+    bodies, nodes = (numbers(items.markers[number], key) for key in ("bodyNumber", "nodeNumber"))
+    kinds = [*(items.objects[i]["objectType"] for i in bodies), *(items.nodes[i]["nodeType"] for i in nodes)]
+    return any(kind in GROUND for kind in kinds)
+
+
+def _held_coordinates(items: Items, model: ReducedMatrices) -> set[int]:
+    """Coordinates of the frame's node that constraints tie to the ground."""
+    held = set()
+    for item in items.objects:
+        if item["objectType"] != "ConnectorCoordinate" or not is_active(item):
+            continue
+        markers = numbers(item, "markerNumbers")
+        own = {n for n in markers if model.nodes[0] in numbers(items.markers[n], "nodeNumber")}
+        moves = item["offsetUserFunction"] or item["velocityLevel"]
+        if len(own) == 1 and len(markers) == 2 and all(_is_on_ground(items, n) for n in markers - own) and not moves:
+            held |= {int(items.markers[n]["coordinate"]) for n in own}
+    return held
+
+
+BY_MECHANISM = "linearised mechanism: modes by {} vectors, rigid interfaces by those that deform them; time steps"
+VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 
 
 class SampledSignal(InputSignal):
@@ -75,14 +196,14 @@ class MovingSubject:
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
         self._options, self._at_every_step = replace(options, outputs=options.outputs or ()), False
         self.columns = np.zeros(0, dtype=int)
-        self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
+        self._made: dict[tuple, Sampler] = {}  # for this solve and one before: a static one, most often
         self.body: ElasticBody | None = None
 
     def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
         """Read body, joints and loads, and how they hold its frame."""
-        seen = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
-        self.body = seen.body
-        return seen, read_support(seen.items, seen.model, seen.actions.drop_idle(seen.body))
+        seen, items = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
+        self.body = seen.held
+        return seen, read_support(items, seen.model, seen.idle)
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
         """Return what bounds of the body alone need; None: the linearised mechanism tells of it.
@@ -142,25 +263,21 @@ class MovingSubject:
         return (*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)]))
 
     def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
-        """Do the offline work of the body alone, unless nothing of it changed since."""
-        items, model, actions, _, body = seen
+        """Do the offline work of the body alone, unless that was done for this solve or the one before."""
+        model, actions, body = seen.model, seen.actions, seen.held
         if model.rigid is not None:
-            require_free_node(items, model)
+            require_free_node(Items(mbs), model)
         if body.modal is not None:
             require_modal_damping(body, model.held, model.D)
         self._take_sensors(mbs, level)
         signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
-        if signature != self._signature:
-            now = (self._signature, self._sampler) if self._signature else ()
-            before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
-            if before and before[0] == signature:
-                _, self._sampler = before
-            else:
-                terms = InputTerms(actions, support.at_rest, self.flex, model.held, model.rigid)
-                offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
-                self._sampler = Sampler.of(model.frame, actions, terms, offline)
-            self._signature = signature
-        self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
+        known = self._made.pop(signature, None)
+        if known is None:
+            terms = InputTerms(seen, support.at_rest)
+            known = Sampler.of(seen, terms, self._prepare(seen, terms, self._scene(seen, terms, support, level)))
+        self._made = dict([*self._made.items()][-1:])
+        # functions of time may be other ones
+        self._made[signature] = self._sampler = replace(known, actions=actions)
         self.columns, self._model = _columns(mbs, model), model
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self.flex.carried)
@@ -178,7 +295,7 @@ class MovingSubject:
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
         self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
-        self._signature = self._before = ()
+        self._made = {}
 
     def frames(self, *states: np.ndarray) -> np.ndarray:
         """Return the motion (S, 24) of the frame in rows q, q_t, q_tt (S, all coordinates of the mbs)."""
@@ -219,7 +336,7 @@ class MovingSubject:
         known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
         model = seen.model
         return prepare(
-            seen.body,
+            seen.held,
             Basis(model.held, note=f"{model.V.shape[1]} modes of object {self.item}"),
             replace(self._options, inputs=Deferred(lambda: terms.columns, terms.made_of), input_function=known),
             sampled_inputs=not terms.by_function,
@@ -250,7 +367,7 @@ class MovingSubject:
             pose=pose,
             jitter=Jitter.of(flex.mass, flex.positions, model.held, pose) if support.at_rest else None,
             first_load=terms.first_load,
-            stiff=stiff_space(flex, model.V, actions.interfaces()),
+            stiff=seen.stiff,
             computed=self._found(seen, support),
             left_out=tuple(left_out),
         )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ...model.body import ElasticBody
-    from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
+    from .loads_and_joints import Actions
 
 MASS_ORTHOGONAL = "rigid motions, M-orthogonal"
 OF_THE_FRAME = (
@@ -52,28 +53,44 @@ SMALL = 0.03
 DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
 
 
-class SeenBody(NamedTuple):
-    """What an mbs has of a body now, and all its items.
+@dataclass(frozen=True, eq=False)
+class SeenBody:
+    """What an mbs has of a floating body now.
 
-    model : reduced matrices, held by reference conditions. actions : what acts on it. body : the full one, held.
+    model : reduced matrices, held by reference conditions. actions : what acts on it, and does work. idle : markers
+    that the conditions hold still. held : the full body, held.
     """
 
-    items: Items
+    flex: FloatingBody
     model: ReducedMatrices
     actions: Actions
+    idle: set[int]
     reference: Reference
-    body: ElasticBody
+    held: ElasticBody
+
+    @cached_property
+    def stiff(self) -> Space | None:
+        """Space of interfaces that the modes make rigid, or None."""
+        return stiff_space(self.flex, self.model.V, self.actions.interfaces())
+
+    def forces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
+        none = np.zeros((self.held.N, 0))
+        wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
+        return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
 
 
-def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
-    """Read a body; load_factor : what a static solver scales constant loads with."""
+def seen_body(
+    mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None
+) -> tuple[SeenBody, Items]:
+    """Read a body, and all items of its mbs; load_factor : what a static solver scales constant loads with."""
     mbs = as_built_in(mbs, [flex])
     items, model = Items(mbs), read_object(mbs, flex)
     actions = read_actions(items, flex, model, load_factor)
     flex.known["interfaces"] = interfaces = actions.interfaces()
     reference = find_reference(flex, model.V, interfaces)
-    body = held_body(flex, model.rayleigh, reference)
-    return SeenBody(items, reference.of(model), actions, reference, body)
+    held = held_body(flex, model.rayleigh, reference)
+    return SeenBody(flex, reference.of(model), actions, actions.drop_idle(held), reference, held), items
 
 
 @dataclass(frozen=True)
@@ -142,8 +159,8 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
                 f"allowed {SMALL:g}; {_cure(flex, V)}"
             )
         return found
-    tried = {}
-    for candidates in (interfaces, _node_sets(flex.fem), {MASS_ORTHOGONAL: MassOrthogonal()}):
+    tried, groups = {}, (interfaces, _node_sets(flex.fem), {MASS_ORTHOGONAL: MassOrthogonal()})
+    for candidates in groups:
         tried |= {name: _misfit(candidate, flex, V) for name, candidate in candidates.items()}
         fits = {name: candidate for name, candidate in candidates.items() if tried[name] <= HELD}
         if fits:
@@ -151,8 +168,7 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
     still = still_nodes(flex, V)
     if holds(still, flex.positions):
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
-    candidates = {**interfaces, **_node_sets(flex.fem), MASS_ORTHOGONAL: MassOrthogonal()}
-    known = (Reference(candidate, name) for name, candidate in candidates.items() if np.isfinite(tried[name]))
+    known = (Reference(x, name) for group in groups for name, x in group.items() if np.isfinite(tried[name]))
     near = [_nearly(reference, flex, V) for reference in known]
     best = min(near, key=lambda found: found.share, default=None)
     if best is not None and best.share <= SMALL:
@@ -295,19 +311,19 @@ def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
 
 
 def _node_sets(fem: Any) -> dict[str, MeanMotion]:
-    """Node sets of the fem of at least three nodes, with their weights and with equal ones."""
-    found = {}
-    for entry in getattr(fem, "nodeSets", None) or []:
-        nodes, weights = entry.get("NodeNumbers", ()), entry.get("NodeWeights", ())
-        if len(nodes) < 3:
-            continue
-        found[f"node set {entry.get('Name', '')!r}"] = _checked(nodes, weights if len(weights) else None)
+    """Node sets of the fem of at least three nodes, with their weights."""
+    found = {
+        f"node set {entry.get('Name', '')!r}": motion_of(entry.get("NodeNumbers", ()), entry.get("NodeWeights", ()))
+        for entry in getattr(fem, "nodeSets", None) or []
+        if len(entry.get("NodeNumbers", ())) >= 3
+    }
     return {name: motion for name, motion in found.items() if motion is not None}
 
 
-def _checked(nodes: Any, weights: Any) -> MeanMotion | None:
+def motion_of(nodes: Any, weights: Any) -> MeanMotion | None:
+    """Return the mean motion of nodes with weights, which are equal where none are given; None: it is none."""
     try:
-        return mean_motion(nodes, weights)
+        return mean_motion(nodes, weights if len(weights) else None)
     except InputError:
         return None
 

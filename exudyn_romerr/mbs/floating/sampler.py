@@ -17,9 +17,9 @@ from ...model.floating_frame import RIGID_INERTIA, inertia_columns, inertia_coor
 if TYPE_CHECKING:
     from ...linear.run.prepare import Offline
     from ...model.floating_frame import FrameMotion
-    from .actions import Actions
-    from .floating_body import FloatingBody
-    from .frame_node import FrameNode, RigidPart
+    from .frame_node import FrameNode
+    from .loads_and_joints import Actions
+    from .reference_search import SeenBody
 
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 TOLD_APART = 1e-8  # smallest singular value of the wrenches in V^T R = 0, of the largest, that still tells them
@@ -38,14 +38,13 @@ class InputTerms:
     the reference conditions hold; None: nothing.
     """
 
-    def __init__(
-        self, actions: Actions, at_rest: bool, flex: FloatingBody, V: np.ndarray, rigid: RigidPart | None = None
-    ):
+    def __init__(self, seen: SeenBody, at_rest: bool):
+        actions, V, rigid = seen.actions, seen.model.held, seen.model.rigid
         self.at_rest = at_rest
         self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
         self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
         self.weighs = not self.at_rest or bool(actions.gravity)
-        self._flex, self._V, self.rigid = flex, V, rigid
+        self._flex, self._V, self.rigid = seen.flex, V, rigid
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
         self.first_load = 3 * self.weighs if self.at_rest else RIGID_INERTIA + 9 * V.shape[1]
         turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
@@ -101,9 +100,10 @@ class Sampler:
     wrench_rows: np.ndarray
 
     @classmethod
-    def of(cls, frame: FrameNode, actions: Actions, terms: InputTerms, offline: Offline) -> Sampler:
+    def of(cls, seen: SeenBody, terms: InputTerms, offline: Offline) -> Sampler:
         """Make the wrenches follow from the balance; AssumptionError if they do not."""
-        return cls(frame, actions, terms, offline, _wrenches_from_balance(offline, terms, actions))
+        rows = _wrenches_from_balance(offline, terms, seen.actions)
+        return cls(seen.model.frame, seen.actions, terms, offline, rows)
 
     def __call__(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p), None if it is a function of time, and the frame (S, 24)."""

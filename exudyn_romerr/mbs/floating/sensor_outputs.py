@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
+from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...errors import InputError
-from ...model.outputs import Output, nodes_output
+from ...model.outputs import Output, mean_displacement, nodes_output
 from ...report.data import IN_THE_FRAME
 from ..access.mbs_items import Items, sensor_names
-from .loads_and_joints import MESH_MARKERS
+from .loads_and_joints import MESH_MARKERS, read_interfaces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,18 +79,6 @@ class BodySensors:
         return BodySensors(self.measured + added, self.left_out)
 
 
-def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
-    """Return what a sensor measures of the body, under the sensor's name.
-
-    Raises
-    ------
-    InputError
-        No such sensor; one on another body; a quantity that no bound is known for.
-    """
-    asked_sensor(mbs, number)
-    return _measured(mbs, flex, number).output()
-
-
 def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
     """Return a sensor that was asked for by its number; InputError: there is none."""
     if not 0 <= number < (count := mbs.systemData.NumberOfSensors()):
@@ -97,38 +86,50 @@ def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
     return mbs.GetSensor(number)
 
 
-def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
-    """Return the same as the body's frame sees it; raises as sensor_output."""
-    return _measured(mbs, flex, number).in_the_frame().output()
-
-
 def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
     """Return what the sensors on the body measure that the mbs has now; alone: nobody estimates those on none."""
-    measured, left_out, names = [], [], sensor_names(mbs)
+    found, left_out, names = [], [], sensor_names(mbs)
     for number, sensor in enumerate(Items(mbs).sensors):
         body = _body_of(mbs, sensor)
         if body is None and alone and sensor["sensorType"] not in NO_STATE:
             left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
         elif body == flex.number:
             try:
-                measured.append(replace(_measured(mbs, flex, number), name=names[number]))
+                found.append(replace(measured(mbs, flex, number), name=names[number]))
             except InputError as error:
                 left_out.append(("output", str(error)))
-    return BodySensors(tuple(measured), tuple(left_out))
+    return BodySensors(tuple(found), tuple(left_out))
 
 
-def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
-    sensor = mbs.GetSensor(number)
-    nodes, weights = _nodes(mbs, flex, number, sensor)
-    kind = sensor["outputVariableType"]
+def measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
+    """Return what a sensor measures of the body, under the sensor's name.
+
+    Raises
+    ------
+    InputError
+        No such sensor; one on another body; a quantity that no bound is known for.
+    """
+    sensor = asked_sensor(mbs, number)
+    which, kind = f"sensor {number} ({sensor['name']})", sensor.get("outputVariableType")
+    if not is_on(mbs, flex, sensor):
+        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
+        raise InputError(
+            f"{which}, of type {sensor['sensorType']!r}, is on {on}; allowed: "
+            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}; {ELSEWHERE}"
+        )
+    nodes, weights = (sensor.get("meshNodeNumber"),), None
+    if sensor["sensorType"] == "Marker":
+        marker = mbs.GetMarker(int(sensor["markerNumber"]))
+        if np.any(marker.get("offset", 0.0)):
+            raise InputError(f"{which} is on a marker with an offset; use one without")
+        nodes, weights = marker["meshNodeNumbers"], tuple(map(float, marker["weightingFactors"]))
     if kind not in QUANTITIES:
         raise InputError(
-            f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for {KNOWN}; for stress and "
+            f"{which} measures {kind.name}; bounds are known for {KNOWN}; for stress and "
             "strain pass romerr.node_stress(name, node=..., fem=fem, material=...) or "
             "romerr.node_strain(name, node=..., fem=fem)"
         )
-    of, frame = QUANTITIES[kind]
-    return Measured(sensor["name"], nodes, weights, of, frame)
+    return Measured(sensor["name"], tuple(map(int, nodes)), weights, *QUANTITIES[kind])
 
 
 def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int] | None) -> list[int]:
@@ -146,10 +147,8 @@ def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int]
 
 def measured_of(mbs: Any, flex: FloatingBody, number: int) -> Measured | None:
     """Return what a sensor measures of the body; None: nothing, or nothing of its mesh nodes that has a name here."""
-    if not is_on(mbs, flex, mbs.GetSensor(number)):
-        return None
     try:
-        return _measured(mbs, flex, number)
+        return measured(mbs, flex, number)
     except InputError:
         return None
 
@@ -167,19 +166,44 @@ def _body_of(mbs: Any, sensor: dict) -> int | None:
     return int(sensor["bodyNumber"]) if sensor["sensorType"] == "SuperElement" else None
 
 
-def _nodes(
-    mbs: Any, flex: FloatingBody, number: int, sensor: dict
-) -> tuple[tuple[int, ...], tuple[float, ...] | None]:
-    """Nodes and weights that the sensor sees."""
-    if not is_on(mbs, flex, sensor):
-        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
-        raise InputError(
-            f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
-            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}; {ELSEWHERE}"
-        )
-    if sensor["sensorType"] == "SuperElement":
-        return (int(sensor["meshNodeNumber"]),), None
-    marker = mbs.GetMarker(int(sensor["markerNumber"]))
-    if np.any(marker.get("offset", 0.0)):
-        raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
-    return tuple(int(node) for node in marker["meshNodeNumbers"]), tuple(map(float, marker["weightingFactors"]))
+def shows_motion(mbs: Any) -> bool:
+    """Whether the mbs has a sensor of its state."""
+    return any(sensor["sensorType"] not in NO_STATE for sensor in Items(mbs).sensors)
+
+
+def add_chosen_sensors(mbs: Any, bodies: Sequence[int]) -> None:
+    """Give an mbs without sensors, before it is assembled, those of its bodies' interfaces and farthest nodes."""
+    if shows_motion(mbs):
+        return
+    local = exu.OutputVariableType.DisplacementLocal
+    for body in bodies:
+        item = mbs.GetObject(body)
+        x, ends = np.asarray(item["referencePositions"], dtype=float).reshape(-1, 3), []
+        for i, marker in enumerate(Items(mbs).markers):
+            if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == body:
+                nodes, weights = marker["meshNodeNumbers"], np.asarray(marker["weightingFactors"])
+                ends.append(weights @ x[[int(node) for node in nodes]])
+                show = exu.OutputVariableType.Displacement
+                mbs.AddSensor(SensorMarker(name=f"marker {i} chosen", markerNumber=i, outputVariableType=show))
+        far = _farthest(x, ends)
+        name = f"{item['name']}, node {far}"
+        mbs.AddSensor(SensorSuperElement(name=name, bodyNumber=body, meshNodeNumber=far, outputVariableType=local))
+
+
+def _farthest(x: np.ndarray, ends: Sequence[np.ndarray]) -> int:
+    """The node of x (nodes, 3) that is farthest from the nearest of some places."""
+    ends = ends or [x.mean(axis=0)]
+    return int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
+
+
+def chosen_outputs(mbs: Any, flex: FloatingBody) -> list[Output]:
+    """Return displacements in a body's frame of its interfaces, and of the node that is farthest from them."""
+    name = mbs.GetObject(flex.number)["name"] or f"body {flex.number}"
+    interfaces = read_interfaces(mbs, flex)
+    x = flex.positions
+    far = _farthest(x, [motion.weights @ x[motion.nodes] for motion in interfaces.values()])
+    shown = [(place, motion.nodes, motion.weights) for place, motion in interfaces.items()]
+    return [
+        mean_displacement(f"{name}, {place}", nodes=nodes, weights=weights)
+        for place, nodes, weights in [*shown, (f"node {far}", [far], None)]
+    ]

@@ -7,23 +7,24 @@ differences of it. The mbs of the run is read once and never moved.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import exudyn as exu
 import numpy as np
 import scipy.linalg as la
 
+from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
+from ...mechanism.body import Body
 from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
-from ..access.equations import Equations
+from ..access.equations import Equations, state_in_place
+from ..access.mbs_items import QUATERNIONS, Items
 from ..access.solvers import threads
-from ..access.state_guard import state_in_place
 from .pre_step import PreStep
 from .vectors import Enriched
 
@@ -322,4 +323,44 @@ def _massless(shapes: np.ndarray) -> dict[str, Any]:
     """What a body's object has of shapes (N, k) that have neither mass nor stiffness."""
     k = shapes.shape[1]
     sums = np.zeros((3, 3, k, k)), np.zeros((3, 3, k)), np.zeros((3, k)), np.zeros((k, k)), np.zeros((k, k))
-    return object_terms(SimpleNamespace(shapes=shapes, sums=sums, damping=lambda *of: 0 * of[2]))
+    return object_terms(shapes, ShapeSums(*sums))
+
+
+TURNING = "ConnectorTorsionalSpringDamper"
+WITHOUT_TANGENT = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG", "Point2DSlope1")  # types of nodes
+
+
+def require_covered(mbs: Any) -> None:
+    """Raise AssumptionError where an mbs has coordinates that the linearised mechanism has not."""
+    system = mbs.systemData
+    if len(system.GetDataCoordinates()) > len(_turns_counted(mbs)):
+        raise AssumptionError("data coordinates (contact, friction, plasticity) are not covered")
+    if len(system.GetODE1Coordinates()):
+        raise AssumptionError("coordinates of first order (ODE1) are not covered")
+    for number in range(system.NumberOfNodes()):
+        kind = mbs.GetNode(number)["nodeType"]
+        if kind in WITHOUT_TANGENT and len(system.GetNodeLTGODE2(number)):
+            raise AssumptionError(f"node {number} of type {kind} is not covered")
+
+
+def _turns_counted(mbs: Any) -> set[int]:
+    """Nodes in which torsional springs count whole turns: a rotation within half a turn is the same without."""
+    if not len(mbs.systemData.GetDataCoordinates()):
+        return set()
+    springs = (item for item in Items(mbs).objects if item["objectType"] == TURNING)
+    nodes = {int(item["nodeNumber"]) for item in springs}
+    return nodes - {-1}
+
+
+def unknowns_of(mbs: Any, bodies: Sequence[Body]) -> Unknowns:
+    """Return the unknowns of an mbs that has these floating bodies."""
+    system, others = mbs.systemData, []
+    taken = {int(i) for body in bodies for i in (*body.place.frame, *body.place.modal)}
+    for number in range(system.NumberOfNodes()):
+        mine = np.array(system.GetNodeLTGODE2(number), int)
+        if len(mine) and taken.isdisjoint(mine.tolist()):
+            taken |= set(mine.tolist())
+            node = mbs.GetNode(number)
+            is_turning = node["nodeType"] == QUATERNIONS
+            others.append((mine, np.array(node["referenceCoordinates"], float) if is_turning else None))
+    return Unknowns(bodies, others, system.ODE2Size())

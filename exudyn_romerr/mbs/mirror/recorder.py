@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import RunError
 from ...linear.residual.samples import GrowingArray
 from ...mechanism.samples import Rows
-from ..access.state_guard import state_in_place
+from ..access.equations import state_in_place
 
 LOST = "rows of the run could not be kept: {}"
 MOST = 500_000_000  # bytes of rows in memory: more go to a temporary file

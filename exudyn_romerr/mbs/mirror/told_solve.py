@@ -28,12 +28,11 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.load_functions import user_functions
-from ..access.state_guard import state_set
+from ..access.detached import user_functions
+from ..access.equations import state_set
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
-from .hollow_copy import HollowCopy
-from .layout import require_covered, unknowns_of
+from .hollow_copy import HollowCopy, require_covered, unknowns_of
 from .pre_step import Parameters, detached_with
 from .sensors import Sensors, ShownSensor
 from .vectors import Enriched, enriched, in_shapes_of

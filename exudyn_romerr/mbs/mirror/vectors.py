@@ -24,10 +24,10 @@ from ...model.admissible_space import rigid_modes
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
+from ..access.mbs_items import Items
 from ..floating.floating_body import FloatingBody
-from ..floating.reference_search import seen_body, stiff_space
-from ..floating.scope_decision import require_free_node
-from .weight import weight_of
+from ..floating.moving_subject import require_free_node
+from ..floating.reference_search import SeenBody, seen_body
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
 HELD, NEW = 1e-6, 1e-6  # of a motion, of a vector: less is rounding, or what others hold
@@ -36,36 +36,6 @@ SPANNED = 1e-3  # of |x|_M of a shape: less of it is not left out by others
 # themselves, and what oscillators do not feel of turning is large beside the little that all these terms come to
 OWN_MASS = 0.1
 SAME = 1e-8  # of the largest: directions that are none of their own
-
-
-@dataclass
-class KnownBody:
-    """What is known of a floating body: its modes, what acts on it, the full body as it is held in its frame.
-
-    stiff : space of interfaces that the modes make rigid, or None.
-    """
-
-    flex: FloatingBody
-    model: Any
-    actions: Any
-    held: Any
-    stiff: Any
-
-    @classmethod
-    def of(cls, mbs: Any, flex: FloatingBody) -> KnownBody:
-        """Read it."""
-        items, model, actions, _, held = seen_body(mbs, flex)
-        if model.rigid is not None:
-            require_free_node(items, model)
-        stiff = stiff_space(flex, model.V, actions.interfaces())
-        actions.drop_idle(held)
-        return cls(flex, model, actions, held, stiff)
-
-    def forces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
-        none = np.zeros((self.held.N, 0))
-        wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
-        return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
 
 
 @dataclass
@@ -81,7 +51,7 @@ class Enriched:
     shapes: np.ndarray
     projectors: np.ndarray
     weights: list[int]
-    known: KnownBody
+    known: SeenBody
 
     @property
     def kept_shapes(self) -> np.ndarray:
@@ -107,8 +77,10 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     slow : rad/s; vectors below are kept beside the modes, with all terms of the turning frame
     detached : copies of user functions
     """
-    known = KnownBody.of(mbs, flex)
+    known, _ = seen_body(mbs, flex)
     model = known.model
+    if model.rigid is not None:
+        require_free_node(Items(mbs), model)
     P, parts, omega = _vectors(known, count)
     columns = np.hstack([*(place.columns for place in known.actions.places.values()), _read_by(mbs, flex, detached)])
     able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
@@ -118,7 +90,6 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
     coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
-    gravity, weights = weight_of(mbs, flex.number, detached)
     n, shapes = model.V.shape[1], np.hstack([model.V, P])
     held = np.hstack([model.held, P])
 
@@ -131,8 +102,9 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
         D[:n, :n] = model.D
         return D
 
+    gravity = known.actions.gravity_by(detached)
     body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
-    return Enriched(body, shapes, parts, weights, known)
+    return Enriched(body, shapes, parts, [load.number for load in known.actions.gravity], known)
 
 
 def _read_by(mbs: Any, flex: FloatingBody, detached: Detached) -> np.ndarray:
@@ -158,7 +130,7 @@ def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
     return found if np.all(left <= SPANNED**2 * np.diag(before.body.M)) else None
 
 
-def _vectors(known: KnownBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """P (N, m), M-orthonormal oscillators, the projectors of their parts (PARTS, m, m), frequencies (m,) rad/s."""
     held, Z = known.held, known.held.space
     (wrenches, loads), inertia = known.forces(), Z.loads(unit_inertia(known.flex.mass, known.flex.positions))
@@ -168,7 +140,7 @@ def _vectors(known: KnownBody, count: int) -> tuple[np.ndarray, np.ndarray, np.n
     return made_once(held, "vectors", of, lambda: _made(known, V, wrenches, loads, inertia, count))
 
 
-def _made(known: KnownBody, V, wrenches, loads, inertia, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _made(known: SeenBody, V, wrenches, loads, inertia, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What _vectors returns; modes V, wrenches, loads, inertia: as held.space has them."""
     held, Z = known.held, known.held.space
     rigid = None if known.stiff is None else with_rigid_interfaces(held, known.stiff)
@@ -200,7 +172,7 @@ def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:
     return part
 
 
-def _accelerations(known: KnownBody, U: np.ndarray, n: int) -> np.ndarray:
+def _accelerations(known: SeenBody, U: np.ndarray, n: int) -> np.ndarray:
     """M^-1 times forces at interfaces, loads and the frame's support, M-orthonormal, without what U holds.
 
     With them the accelerations of a sudden start are those of the full mechanism, whatever joints hold. The n modes,

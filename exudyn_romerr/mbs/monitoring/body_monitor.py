@@ -14,8 +14,7 @@ from ...linear.run.record import doubts_in
 from ...linear.run.run import BLOCK, Run
 from ...report.scope import COUPLED
 from ...report.wording import not_certified
-from ..access.endings import SAME_TIME
-from ..access.solvers import solver_facts
+from ..access.solvers import SAME_TIME, solver_facts
 
 if TYPE_CHECKING:
     from ...linear.residual.samples import Extension
@@ -47,30 +46,28 @@ class MonitoredBody:
 
     def __init__(self, subject: LinearSubject | MovingSubject, tolerance: dict[str, float]):
         self.subject, self.item, self.tolerance = subject, subject.item, tolerance
-        self.check, self.succession = ToleranceCheck(tolerance), Succession()
+        self.succession = Succession()
         self.runs: list[Run | BodyRun] = []
-        self.run: Run | None = None
-        self.error: Exception | None = None
-        self._pending: Exception | None = None  # an error that counts when the steps before it do
-        self.stopped, self.failure = False, ""
-        self.told: BodyRun | None = None
-        self.is_told = False  # from the begin of a solve on, before `told` is there
-        self._static = False
-        self._listens = False  # from the begin of a solve on, until the simulation diverges
-        self._late = False  # the run starts later than the solve
         self._offline: Offline | None = None
         self._solver = UNKNOWN
         self.width = 1  # numbers that its bounds compute with at a step
+        self._forget(static=False)
 
-    def bounded_until(self) -> float:
-        """Return the time of the last step that was bounded in the run under way."""
-        return self.succession.last[0]
+    def _forget(self, static: bool) -> None:
+        """Nothing is known of the solve that begins."""
+        self.run: Run | None = None
+        self.told: BodyRun | None = None
+        self.is_told = False  # from the begin of a solve on, before `told` is there
+        self.error: Exception | None = None
+        self._pending: Exception | None = None  # an error that counts when the steps before it do
+        self.stopped, self.failure, self.check = False, "", ToleranceCheck(self.tolerance)
+        self._static = static
+        self._listens = False  # from the begin of a solve on, until the simulation diverges
+        self._late = False  # the run starts later than the solve
 
     def begin(self, mbs: Any, static: bool, why_not: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run; why_not : no mechanism can tell."""
-        self.error, self.failure, self.stopped, self.run, self._listens = None, "", False, None, False
-        self._pending, self._late, self.check = None, False, ToleranceCheck(self.tolerance)
-        self._static, self.is_told, self.told = static, False, None
+        self._forget(static)
         with self.kept_errors():
             offline = self.subject.read(mbs, static, why_not)
             self.is_told = offline is None
@@ -165,7 +162,7 @@ class MonitoredBody:
     def _compare(self) -> None:
         """Compare with the tolerance; stop the solve if the bound is larger."""
         for reason in self.check.exceeded(self.run):
-            self.stopped, t = True, self.bounded_until()
+            self.stopped, t = True, self.succession.last[0]
             if self.told is not None:
                 self.told.stopped = t
             ended = "the run ended" if self.run.solver.ends_early(t) is False else "stopped"
@@ -208,12 +205,14 @@ class MonitoredBody:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = Run(offline, self._solver, self.tolerance, self._static)
         run.messages += [why_not] if why_not else doubts_in(() if before is None else before.messages)
-        first = self.succession.first_sample(self.subject, before, t, *states)
+        first = self.subject.first(t, *states)
+        if first is None and before is not None:  # with the accelerations that the run before ended with
+            first = self.subject.first(t, *states[:2], self.succession.last[3], may_be_late=True)
         if first is None:
             return False
         run.start(t, *first, after=before, is_late=self._late)
-        self.run = run
-        self.succession.add(run, self._offline, (t, *states))
+        self.run = self.succession.run = run
+        self.succession.source, self.succession.last = self._offline, (t, *states)
         if self.told is None:
             self.runs.append(run)
         run.settle()
@@ -227,21 +226,17 @@ class MonitoredBody:
 
 
 class Succession:
-    """The runs of one body, oldest first.
+    """What a run may go on from: the one before of the same body.
 
-    last : time, q, q_t, q_tt of the last row that was bounded.
+    run : that. source : what it was read as; its own may be one from a static run. last : time, q, q_t, q_tt of the
+    last row that was bounded.
     """
 
     def __init__(self) -> None:
-        self.runs: list[Run] = []
+        self.run: Run | None = None
+        self.source: Offline | None = None
         self.last: tuple | None = None
         self._begins = True  # whether the last run has gone on from no other
-        self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
-
-    def add(self, run: Run, source: Offline, first: tuple) -> None:
-        """Add a run that has begun with its first row; source: what the mbs was read as."""
-        self.runs.append(run)
-        self._source, self.last = source, first
 
     def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, str]:
         """Return the run in whose last state another one starts, or None and why it does not go on, if it might.
@@ -258,9 +253,9 @@ class Succession:
         return before, why_not
 
     def _before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, str]:
-        if not self.runs:
+        if self.run is None:
             return None, ""
-        before, (t_last, q_last, q_t_last, _) = self.runs[-1], self.last
+        before, (t_last, q_last, q_t_last, _) = self.run, self.last
         if not np.array_equal(q, q_last):
             return None, ""
         if before.is_static:
@@ -268,16 +263,7 @@ class Succession:
             return (before if released and before.last.u.shape[1] == offline.coordinates.p else None), ""
         if abs(t - t_last) > SAME_TIME * abs(t_last) or not np.array_equal(q_t, q_t_last):
             return None, ""
-        return (before, "") if self._source is offline else (None, _other_bounds(self._source, offline))
-
-    def first_sample(
-        self, subject: LinearSubject | MovingSubject, before: Run | None, t: float, *states: np.ndarray
-    ) -> tuple | None:
-        """Return the first sample of a run; if need be with the accelerations that the run before ended with."""
-        first = subject.first(t, *states)
-        if first is None and before is not None:
-            first = subject.first(t, *states[:2], self.last[3], may_be_late=True)
-        return first
+        return (before, "") if self.source is offline else (None, _other_bounds(self.source, offline))
 
 
 def _other_bounds(before: Offline, now: Offline) -> str:

@@ -20,26 +20,21 @@ if TYPE_CHECKING:
 
 def bounds_at(watch: MonitoredBody, t: float) -> dict[str, np.ndarray]:
     """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
-    is_open = watch.run is not None and watch.succession.runs[-1:] == [watch.run]
-    best = watch.run.best_of_last(1) if is_open and watch.bounded_until() == t else {}
+    best = watch.run.best_of_last(1) if watch.run is not None and watch.succession.last[0] == t else {}
     return {name: rows[0] for name, rows in best.items()}
 
 
 def live_line(watches: Sequence[MonitoredBody], t: float) -> str:
     """Return in words what the bounds are at t, the largest of the rows of each output."""
     found = [
-        f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}{condition_of(watch)}"
+        f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}"
+        f"{under(_scope_of(watch), doubts=watch.run.doubts())}"
         for watch in watches
         for bounds in [bounds_at(watch, t)]
         for out in watch.subject.outputs
         if out.name in bounds
     ]
     return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
-
-
-def condition_of(watch: MonitoredBody) -> str:
-    """Return what must be said with the bounds of a watch: nothing where their scope is complete, and certified."""
-    return under(_scope_of(watch), doubts=watch.run.doubts())
 
 
 def _scope_of(watch: MonitoredBody) -> dict[str, str]:
@@ -54,9 +49,9 @@ def _what_numbers_cannot_say(watch: MonitoredBody) -> str:
 
 
 def sensor_of(
-    look: Callable[[], None], watch: MonitoredBody, out: Output, options: dict[str, Any]
+    evaluate: Callable[[], None], watch: MonitoredBody, out: Output, options: dict[str, Any]
 ) -> SensorUserFunction:
-    """Return a sensor that shows the bound of an output of a watch; look() evaluates the rows stored so far.
+    """Return a sensor that shows the bound of an output of a watch; evaluate() evaluates the rows stored so far.
 
     Exudyn writes sensors after PostStep, so that this step's row is among those stored. What holds for its numbers,
     which they cannot say, is printed once a run, and when more is known.
@@ -65,7 +60,7 @@ def sensor_of(
 
     def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
         nonlocal rows, heard
-        look()
+        evaluate()
         found = bounds_at(watch, t).get(name)
         if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
             return [np.inf] * rows

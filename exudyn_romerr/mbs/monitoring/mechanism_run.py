@@ -11,7 +11,7 @@ from ...errors import RunError
 from ...linear.estimators.causes import REDUCTION
 from ...linear.run.record import Internal
 from ...mechanism.samples import Rows
-from ..access.endings import SAME_TIME
+from ..access.solvers import SAME_TIME
 from ..mirror.recorder import StoredRows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve
 

@@ -9,14 +9,13 @@ from ...checks import check_choice
 from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
-from ..access.endings import note_end, on_purpose
 from ..access.mbs_items import sensor_names
+from ..access.solvers import note_end, on_purpose
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.sensors import planned_sensors
 from .live_output import sensor_of
 from .mechanism_run import BodyRun
-from .requests import UNNAMED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from .body_monitor import MonitoredBody
     from .step_hook import StepHook
 
+UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
 NOT_TOLD = "the linearised mechanism, which tells how it moves, is not to be had; the bodies' scope says why"
 TO_PRINT = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve"
 
@@ -116,7 +116,7 @@ class Monitor:
             raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
         check_choice("output", output, outputs)
         self._watch.subject.at_every_step()
-        return sensor_of(self._hook.look, self._watch, outputs[output], options)
+        return sensor_of(self._hook.evaluate_now, self._watch, outputs[output], options)
 
     @one_thread()
     def report(self, i: int = -1) -> BoundReport:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...mode_selection.modal_content import FurtherModes
 
 TYPES = ("FFRFreducedOrder", "ObjectFFRFreducedOrder")  # in Exudyn's dictionaries, of its Python classes
+DYNAMIC, STATIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit"), "MainSolverStatic"  # Exudyn's solvers
 PACKAGE = __name__.split(".")[0] + "."
 SAME_MESH = 1e-9  # of the largest coordinate: positions are copied, not computed
 NO_FEM = (
@@ -67,6 +68,11 @@ class StandIn:
         """Put back all that was replaced, the last first."""
         while self._replaced:
             setattr(*self._replaced.pop())
+
+
+def settings_of(arguments: tuple, options: dict[str, Any]) -> Any:
+    """Return the simulation settings that a function of a solver is called with, beside the mbs."""
+    return arguments[0] if arguments else options.get("simulationSettings")
 
 
 class FoundBodies(StandIn):

@@ -9,22 +9,21 @@ from typing import TYPE_CHECKING, Any
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
-from ..access.endings import SAME_TIME
 from ..access.mbs_items import sensor_names
-from ..access.solvers import holds_rates, scheme_from
+from ..access.solvers import SAME_TIME, holds_rates, scheme_from
 from ..floating.floating_body import floating_body
+from ..floating.sensor_outputs import chosen_outputs, shows_motion
 from ..mirror.pre_step import parameters
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
 from ..monitoring.step_hook import StepHook, slot_function
-from .chosen_outputs import chosen_outputs, shows_motion
 from .found_bodies import NO_FEM
 
 if TYPE_CHECKING:
     from ...report.judgement import Solve
     from ...report.report import BoundReport
-    from ..access.endings import EndedBy
+    from ..access.solvers import EndedBy
     from ..floating.floating_body import FloatingBody
     from .found_bodies import FoundBody
 

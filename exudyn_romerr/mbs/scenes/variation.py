@@ -16,9 +16,9 @@ import numpy as np
 
 from ...mode_selection.modal_content import FurtherModes
 from ...report.verdicts import until, until_load
-from ..access.endings import SAME_TIME, ended_by
 from ..access.mbs_items import Items
-from .found_bodies import StandIn
+from ..access.solvers import SAME_TIME, ended_by
+from .found_bodies import DYNAMIC, STATIC, StandIn, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from .found_bodies import FoundBodies
 
-SOLVERS = ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic")
-STATIC = "MainSolverStatic"
 PARTS = ("InitializeSolverInitialConditions", "SolveSteps")  # of a solve made step by step
 ORDERS = {"DOPRI5": 5, "ODE23": 3}  # of methods that choose their steps by tolerances
 ENDINGS = (".txt", ".sol")  # of solution files, text or binary, whose name has none
@@ -117,7 +115,7 @@ class Variation(StandIn):
         self.replace(exudyn, "SetWriteToFile", self._set_write_to_file)
         for owner in (exudyn.Renderer, exudyn.SystemContainer):  # without a window it raises, or waits for one
             self.replace(owner, "RedrawAndSaveImage", _no_image)
-        for name in SOLVERS:
+        for name in (*DYNAMIC, STATIC):
             solver = getattr(exudyn, name)
             self.replace(solver, "SolveSystem", partial(self._solve, name == STATIC))
             self.replace(solver, "InitializeSolver", partial(self._initialize, name == STATIC))
@@ -179,10 +177,10 @@ class Variation(StandIn):
         return call(mbs, item)
 
     def _assemble(self, call: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-        from .chosen_outputs import add_chosen_sensors  # once a script has configured what it likes
+        from ..floating.sensor_outputs import add_chosen_sensors  # once a script has configured what it likes
         from .wider_body import widen
 
-        add_chosen_sensors(mbs, self._bodies.of(mbs))
+        add_chosen_sensors(mbs, [body.number for body in self._bodies.of(mbs)])
         for body in self._bodies.of(mbs):
             vectors = self._vectors.get(body.order)
             if vectors is not None and mbs.GetObject(body.number)["modeBasis"].shape[1] == body.modes:
@@ -207,12 +205,12 @@ class Variation(StandIn):
         return held
 
     def _solve(self, is_static: bool, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-        given = _settings(arguments, options)
+        given = settings_of(arguments, options)
         with self._around(solver, mbs, given, is_static), self._more_steps(given, is_static):
             return call(solver, mbs, *arguments, **options)
 
     def _initialize(self, is_static: bool, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-        around, settings = ExitStack(), _settings(arguments, options)
+        around, settings = ExitStack(), settings_of(arguments, options)
         around.enter_context(self._around(solver, mbs, settings, is_static))
         self._open[id(solver)] = around
         with self._more_steps(settings, is_static):
@@ -220,7 +218,7 @@ class Variation(StandIn):
 
     def _step(self, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
         """A part of a solve made step by step, before which a script may set steps anew."""
-        with self._more_steps(_settings(arguments, options), id(solver) not in self._open):
+        with self._more_steps(settings_of(arguments, options), id(solver) not in self._open):
             return call(solver, mbs, *arguments, **options)
 
     @contextmanager
@@ -335,8 +333,3 @@ def _note_end(recorded: Recorded, solver: Any, t: float, end: float, error: Base
 
 def _no_image(*arguments: Any, **options: Any) -> None:
     """Save no image of a window that is not there."""
-
-
-def _settings(arguments: tuple, options: dict[str, Any]) -> Any:
-    """The simulation settings that a function of a solver is called with, beside the mbs."""
-    return arguments[0] if arguments else options["simulationSettings"]

@@ -9,15 +9,15 @@ import os
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from time import process_time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from ...errors import RunError
 from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
-from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
-from .found_bodies import StandIn
+from ..access.solvers import INTERRUPTED, EndedBy, ended_by, note_end
+from .found_bodies import DYNAMIC, STATIC, StandIn, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,11 +26,15 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from .found_bodies import FoundBodies
 
-DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
-STATIC = "MainSolverStatic"
-Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, what tells of it, what is put back when it has ended
 WHILE_TOLD = f"{INTERRUPTED} while its error was computed"
-NOTHING: Opened = (None, None, None)
+
+
+class Watched(NamedTuple):
+    """A solve under way, what gives its reports when it has ended, what is put back then."""
+
+    solve: Solve
+    tell: Callable[[EndedBy], list[BoundReport]]
+    kept: ExitStack
 
 
 class WatchedSolves(StandIn):
@@ -44,7 +48,7 @@ class WatchedSolves(StandIn):
         super().__init__()
         self.bodies, self.solves, self.plain = bodies, [], 0
         self._elsewhere, self._process = elsewhere, os.getpid()
-        self._open: dict[int, tuple] = {}  # solves made step by step, by the solver's identity
+        self._open: dict[int, Watched | None] = {}  # solves made step by step, by the solver's identity
         self._is_inside = False
         self._before: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()  # of each mbs how its solve before has ended
 
@@ -67,7 +71,7 @@ class WatchedSolves(StandIn):
             error = without_our_places(raised)
             raise
         finally:
-            self._end(*opened, process_time() - begin, ended_by(solver, error))
+            self._end(opened, ended_by(solver, error), process_time() - begin)
 
     def _initialize(self, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
         if not self._is_inside:
@@ -78,17 +82,17 @@ class WatchedSolves(StandIn):
         try:
             return call(solver, mbs, *arguments, **options)
         finally:
-            self._end(*self._open.pop(id(solver), NOTHING), ending=ended_by(solver))
+            self._end(self._open.pop(id(solver), None), ended_by(solver))
 
-    def _begin(self, solver: Any, mbs: Any, is_static: bool, arguments: tuple, options: dict) -> Opened:
-        """Record, if there is anything to watch; return what _end wants to know."""
+    def _begin(self, solver: Any, mbs: Any, is_static: bool, arguments: tuple, options: dict) -> Watched | None:
+        """Record, if there is anything to watch."""
         if os.getpid() != self._process:
             self._note_elsewhere()
-            return NOTHING
+            return None
         bodies = self.bodies.of(mbs)
         if not bodies:
             self.plain += 1
-            return NOTHING
+            return None
         solve = Solve(len(self.solves), "static" if is_static else "dynamic", len(bodies))
         self.solves.append(solve)
         self._is_inside = True
@@ -97,18 +101,18 @@ class WatchedSolves(StandIn):
             from .recorded_solve import ATTACHED_BY_SCRIPT, RecordedSolve, monitor_of_script
 
             kept, monitor = ExitStack(), monitor_of_script(mbs)
-            settings = arguments[0] if arguments else options.get("simulationSettings")
+            settings = settings_of(arguments, options)
             if monitor is None:
                 recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
                 kept.callback(recorded.close)
-                return solve, lambda ending: recorded.reports(solver, ending), kept
+                return Watched(solve, lambda ending: recorded.reports(solver, ending), kept)
             solve.notes.append(ATTACHED_BY_SCRIPT)
             kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
             first = len(monitor.runs)
-            return solve, lambda ending: _reports(monitor, first), kept
+            return Watched(solve, lambda ending: _reports(monitor, first), kept)
         except Exception as error:  # whatever it is: the script goes on, and the answer says why there is no number
             solve.failure = error
-            return solve, None, ExitStack()
+            return Watched(solve, lambda ending: [], ExitStack())
         except KeyboardInterrupt:
             solve.until = until_begun(INTERRUPTED)
             raise
@@ -116,20 +120,14 @@ class WatchedSolves(StandIn):
             solve.our_seconds += process_time() - begin
             self._is_inside = False
 
-    def _end(
-        self,
-        solve: Solve | None,
-        tell: Callable[[EndedBy], list[BoundReport]] | None,
-        kept: ExitStack | None,
-        seconds: float = 0.0,
-        ending: EndedBy = TO_ITS_END,
-    ) -> None:
-        if solve is None:
+    def _end(self, watched: Watched | None, ending: EndedBy, seconds: float = 0.0) -> None:
+        if watched is None:
             return
+        solve, tell, kept = watched
         kept.close()
         begin, solve.seconds = process_time(), seconds
         try:
-            reports = [] if tell is None else tell(ending)
+            reports = tell(ending)
             for report in reports[:-1]:  # a solver that began again at an earlier time, without being made anew
                 solve.report, bodies = report, solve.bodies
                 solve = Solve(len(self.solves), solve.kind, bodies, sensors=solve.sensors, chosen=solve.chosen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,17 +11,15 @@ from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError, InputError
 from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.floating_frame import unit_inertia
-from ..access.copied_mbs import object_terms
+from ..access.copied_mbs import object_terms, widened_node
 from ..access.mbs_items import dense
 from ..floating.built_in import add_weight, built_in, has_functions
 from ..floating.floating_body import floating_body, rayleigh_factors
-from ..floating.reference_search import seen_body, stiff_space
+from ..floating.moving_subject import VECTORS
+from ..floating.reference_search import seen_body
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
-
-COUNT = 26  # vectors beside the modes, as a mechanism's estimate begins with: more cost a run more than they tell
-COORDINATES = ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t")
 
 
 class Vectors(NamedTuple):
@@ -30,12 +27,6 @@ class Vectors(NamedTuple):
 
     P: np.ndarray
     keeps: np.ndarray
-
-
-class _Wide(NamedTuple):
-    shapes: np.ndarray
-    sums: ShapeSums
-    damping: Any
 
 
 def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
@@ -48,21 +39,16 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     """
     if body.fem is None:
         raise InputError("its FE model is gone")
-    flex = floating_body(body.fem, body.items(mbs))
-    _, model, actions, _, full = seen_body(mbs, flex)
-    Z, stiff = full.space, stiff_space(flex, model.V, actions.interfaces())
-    full.modes(1)
-    V = Z.coordinates("V", model.V)
-    inertia = Z.loads(unit_inertia(flex.mass, flex.positions))
-    none = np.zeros((full.N, 0))
-    loads = Z.loads(np.hstack([none, *(load.columns for load in actions.loads)]))
-    wrenches = Z.loads(np.hstack([none, *(place.columns for place in actions.wrenches)]))
-    rigid = cache(lambda: None if stiff is None else with_rigid_interfaces(full, stiff))
-    count = min(COUNT, V.shape[0] - V.shape[1])
+    known, _ = seen_body(mbs, floating_body(body.fem, body.items(mbs)))
+    full, Z = known.held, known.held.space
+    V, inertia = Z.coordinates("V", known.model.held), Z.loads(unit_inertia(full.mass, full.positions))
+    wrenches, loads = known.forces()
+    rigid = None if known.stiff is None else with_rigid_interfaces(full, known.stiff)
+    count = min(VECTORS, V.shape[0] - V.shape[1])
     try:
-        found = Enrichment(full, V, inertia, loads, wrenches, count, rigid())
+        found = Enrichment(full, V, inertia, loads, wrenches, count, rigid)
     except AssumptionError:  # modes without static ones: here vectors may move interfaces, for they are real modes
-        found = Enrichment(full, V, inertia, np.hstack([loads, wrenches]), wrenches[:, :0], count, rigid())
+        found = Enrichment(full, V, inertia, np.hstack([loads, wrenches]), wrenches[:, :0], count, rigid)
     return Vectors(Z.expand(found.P), found.keeps)
 
 
@@ -93,26 +79,18 @@ def widen(mbs: Any, body: FoundBody, P: np.ndarray) -> None:
     sums = ShapeSums.of(
         fem.GetMassMatrix(sparse=True), fem.GetStiffnessMatrix(sparse=True), fem.GetNodePositionsAsArray(), U
     )
-    wide = _Wide(U, sums, partial(_damping, alpha, beta))
-    shown = {name: item[name] for name in ("outputVariableModeBasis", "outputVariableTypeModeBasis")}
-    node = mbs.GetNode(int(item["nodeNumbers"][1]))
-    node["numberOfODE2Coordinates"] = U.shape[1]
-    for name in COORDINATES:
-        node[name] = np.append(node[name], np.zeros(P.shape[1]))
-    mbs.ModifyNode(int(item["nodeNumbers"][1]), node)
-    mbs.ModifyObject(body.number, {**item, **object_terms(wide), **_widened(shown, n, P.shape[1])})
+    damping = alpha * sums.M + beta * sums.K
+    node, more = int(item["nodeNumbers"][1]), P.shape[1]
+    mbs.ModifyNode(node, widened_node(mbs.GetNode(node), more))
+    mbs.ModifyObject(body.number, {**item, **object_terms(U, sums, damping), **_stress_modes(item, n, more)})
     if gravity.any():
         add_weight(mbs, body.number, gravity)
 
 
-def _damping(alpha: float, beta: float, X: Any, Y: Any, M: np.ndarray, K: np.ndarray) -> np.ndarray:
-    return alpha * M + beta * K
-
-
-def _widened(shown: dict[str, Any], n: int, more: int) -> dict[str, Any]:
-    """Modes of stress: the vectors have none, so that stresses of sensors are those of the script's modes alone."""
-    basis = np.asarray(shown["outputVariableModeBasis"], dtype=float)
-    if not basis.size:
-        return shown
-    per_mode = basis.shape[1] // n
-    return {**shown, "outputVariableModeBasis": np.hstack([basis, np.zeros((len(basis), per_mode * more))])}
+def _stress_modes(item: dict[str, Any], n: int, more: int) -> dict[str, Any]:
+    """The vectors have none, so that stresses of sensors are those of the script's modes alone."""
+    names = ("outputVariableModeBasis", "outputVariableTypeModeBasis")
+    basis, kind = (item[name] for name in names)
+    basis = np.asarray(basis, dtype=float)
+    wide = np.hstack([basis, np.zeros((len(basis), basis.shape[1] // n * more))]) if basis.size else basis
+    return dict(zip(names, (wide, kind), strict=True))

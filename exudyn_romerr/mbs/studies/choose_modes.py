@@ -21,8 +21,8 @@ from ...mode_selection.mode_choice import (
 from ...mode_selection.search import cheapest, search
 from ...mode_selection.tried_run import STEP, TriedRun, outputs_of
 from ...progress import progress
-from ..monitoring.requests import checked_tolerance
-from .scene_run import Trial, build_trial, same_times
+from ..monitoring.attach import checked_tolerance
+from .two_level import Trial, build_trial, same_times
 
 if TYPE_CHECKING:
     from collections.abc import Callable

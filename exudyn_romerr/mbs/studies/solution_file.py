@@ -10,9 +10,9 @@ from exudyn.utilities import LoadSolutionFile
 
 from ...errors import InputError, RunError
 from ...linear.run.prepare import BoundOptions
-from ..floating.scope_decision import OF_A_FILE
+from ..floating.moving_subject import OF_A_FILE
+from ..monitoring.attach import make_subject
 from ..monitoring.body_monitor import MonitoredBody
-from ..monitoring.requests import make_subject
 from ..monitoring.step_hook import block_rows
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 
 from exudyn_romerr.errors import AssumptionError, InputError
 from exudyn_romerr.linear.residual.input_signal import COMPARED, InputSignal
-from exudyn_romerr.mbs.floating.actions import OfTime, over_time
+from exudyn_romerr.mbs.floating.loads_and_joints import OfTime, over_time
 
 T = np.linspace(0.0, 3.0, 1000)
 LAST_DIGITS = 1e-15  # of the largest value: NumPy's functions and those of math differ in their last digit

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr.mbs.access.detached import Detached
-from exudyn_romerr.mbs.access.load_functions import controller
+from exudyn_romerr.mbs.access.detached import Detached, controller
 from models import mechanisms
 from tests.helpers.mechanism_runs import (
     FROZEN,

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-import exudyn_romerr as romerr
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.wording import AS_IN_THIS_RUN, FROZEN_FIRST
 from models.robot_arm import robot_arm, set_point
+from tests.helpers.observed import observed_all
 
 STEP, END = 1e-3, 0.25  # s: the arm is at its fastest at 0.2 s
 TOLD = re.compile(r"error (is |about |at most )")
@@ -55,9 +55,7 @@ def step_error():
 @pytest.fixture(scope="module")
 def report():
     scene = robot()
-    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.bodies[0])])
-    scene.solve()
-    return monitor.report()
+    return observed_all(scene)
 
 
 def test_its_step_is_wrong_and_its_modes_are_not(step_error):

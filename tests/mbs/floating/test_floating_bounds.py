@@ -19,9 +19,9 @@ from models import estimate_truths, floating
 from models.estimate_scenes import clamped_bar
 from models.floating import GRAVITY, RAYLEIGH
 from tests.helpers import tolerances as tol
+from tests.helpers.observed import attached, observed
 from tests.helpers.total_truth import Exact, signal
 
-AXES = range(3)
 CRAIG_BAMPTON = [(kind, n) for kind in ("RBE2", "RBE3") for n in (0, 4, 16)]
 STEP, END = 1e-4, 0.05  # s; 0.24 rad of the bar's first mode, 20 of its periods
 RAMP = 0.01  # s, of floating.ramped_force
@@ -85,7 +85,7 @@ def outputs(body):
     return [*both, romerr.node_velocity("velocity", node=body.probes["tip"], frame="global")]
 
 
-def attached(scene, body, ratios=None, **options):
+def attached_to(scene, body, ratios=None, **options):
     flex = romerr.floating_body(scene.fem, scene.items, modal_damping=ratios)
     if ratios is not None:
         romerr.set_modal_damping(scene.mbs, flex)
@@ -153,7 +153,7 @@ def clamped_truth(h=STEP, end=END):
 @cache
 def clamped_report(kind, n, modes):
     scene = floating.clamped_bar(n, kind, h=STEP, t_end=END)
-    monitor = attached(scene, full_body("bar"), auxiliary_modes=modes)
+    monitor = attached_to(scene, full_body("bar"), auxiliary_modes=modes)
     scene.solve()
     return monitor.report()
 
@@ -208,7 +208,7 @@ def test_sampled_bounds_of_the_clamped_bar_cover_the_reduction_error(kind, n):
     """Full and reduced body exact in time; samples carry the run's time error: by that, "auxiliary" may be off."""
     h, end, body = STEP / 8, 0.02, full_body("bar")
     scene = floating.clamped_bar(n, kind, h=h, t_end=end)
-    monitor = attached(scene, body, auxiliary_modes=40, time="sampled")
+    monitor = attached_to(scene, body, auxiliary_modes=40, time="sampled")
     scene.solve()
     report = monitor.report()
     full, reduced = clamped_truth(h, end), clamped_motion(scene.fem.modeBasis["matrix"], report.t)
@@ -252,7 +252,7 @@ def recorded(scene, body, **options):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MovingSubject, "sampled", sampled)
-        monitor = attached(scene, body, scope="inputs frozen", **options)
+        monitor = attached_to(scene, body, scope="inputs frozen", **options)
         scene.solve()
         report = monitor.report()
     t, q, u, frame = (np.concatenate(parts) for parts in zip(*rows, strict=True))
@@ -410,10 +410,7 @@ def test_the_full_motion_is_that_of_a_complete_basis():
 def finely_stepped(n, **options):
     """The clamped bar with n eigenmodes in 200 steps of 1 us, its tip compared with the exact motion."""
     scene, tip = floating.clamped_bar(n, h=1e-6, t_end=2e-4), full_body("bar").probes["tip"]
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=tip)], **options)
-    scene.solve()
-    report = monitor.report()
+    report = observed(scene, outputs=[romerr.node_displacement("tip", node=tip)], **options)
     u = clamped_motion(full_body("bar").P, report.t).reshape(len(report.t), -1, 3)[:, tip]
     return report, report.compare("tip", report.t, u)
 
@@ -444,20 +441,18 @@ def test_as_many_auxiliary_modes_as_the_reduced_body_rings_in():
 def test_the_report_says_where_more_ring_than_are_followed(monkeypatch):
     monkeypatch.setattr(split, "LARGEST_CAP", 80)
     scene = floating.clamped_bar(80, t_end=1e-3)
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=20)])
-    scene.solve()
-    said = [message for message in monitor.report().messages if "rings in 94 modes of the full one" in message]
+    report = observed(scene, outputs=[romerr.node_displacement("tip", node=20)])
+    said = [message for message in report.messages if "rings in 94 modes of the full one" in message]
     assert len(said) == 1
     assert "auxiliary_modes=94 follows all" in said[0]
-    assert "80 modes up to" in str(monitor.report().plan)
+    assert "80 modes up to" in str(report.plan)
 
 
 def test_bound_holds_from_the_start_where_the_solver_leaves_accelerations_out():
     """Its first step is wrong then, by several times what it is otherwise."""
     scene = clamped_bar(4, "RBE3", 2e-4, 0.04)
     tip = romerr.node_displacement("tip", node=int(floating.interface(scene.fem, "tip")[0][0]))
-    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), outputs=[tip])
+    monitor = attached(scene, outputs=[tip])
     scene.settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
     scene.solve()
     report, truth = monitor.report(), estimate_truths.stored("clamped_bar")["tip local"]

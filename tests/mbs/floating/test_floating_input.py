@@ -31,6 +31,7 @@ from exudyn_romerr import (
 from models import floating
 from tests.helpers import mbs_scenes
 from tests.helpers.bad_input import check_error, check_refused
+from tests.helpers.observed import attached
 from tests.mbs.floating.test_floating_scene import (
     HINGE,
     TIP,
@@ -372,7 +373,7 @@ def same_sensor_twice():
 def beside_a_sensor(outputs):
     scene = bar()
     sensor_on(scene)
-    return attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs)
+    return attached(scene, outputs=outputs)
 
 
 OUTPUTS = {
@@ -657,28 +658,27 @@ def with_body(fem):
     return SimpleNamespace(SC=SC, mbs=mbs, fem=fem, items=items, body=items["oFFRFreducedOrder"])
 
 
-@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
-def test_reference_is_the_marker(kind):
-    """Markers come before node sets."""
-    assert held_by(bar(kind)).endswith("by marker 1 (marker1)")
+STILL = f"{len(LEFT[0])} nodes that no mode moves"
+MASS = "rigid motions, M-orthogonal"
+GIVEN = "reference= of floating_body"
+HELD_BY = {  # markers come before node sets, zero rows behind both
+    "RBE2, marker": (lambda: bar("RBE2"), {}, "marker 1 (marker1)"),
+    "RBE3, marker": (lambda: bar("RBE3"), {}, "marker 1 (marker1)"),
+    "RBE2, node set": (lambda: bar("RBE2", markers=False), {}, "node set 'left'"),
+    "RBE3, node set": (lambda: bar("RBE3", markers=False), {}, "node set 'left'"),
+    "free, marker": (lambda: bar("free", 6), {}, MASS),
+    "free": (lambda: bar("free", 6, markers=False), {}, MASS),
+    "RBE2, nothing": (lambda: without_sets(bar("RBE2", markers=False)), {}, STILL),
+    "given": (bar, {"reference": mean_motion(*LEFT)}, GIVEN),
+    "given, of free modes": (lambda: bar("free", 6), {"reference": mass_orthogonal()}, GIVEN),
+    "rigid interfaces": (lambda: bar("RBE2"), {"interfaces": "rigid"}, f"{STILL}, 1 rigid interfaces"),
+}
 
 
-@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
-def test_reference_is_the_node_set(kind):
-    """Where no marker is."""
-    assert held_by(bar(kind, markers=False)).endswith("by node set 'left'")
-
-
-@pytest.mark.parametrize("markers", [True, False])
-def test_reference_of_free_modes_are_rigid_motions(markers):
-    """Neither marker nor node set fits."""
-    assert held_by(bar("free", 6, markers=markers)).endswith("by rigid motions, M-orthogonal")
-
-
-def test_reference_of_rbe2_modes_without_markers_and_sets_are_still_nodes():
-    """Zero rows."""
-    scene = without_sets(bar("RBE2", markers=False))
-    assert held_by(scene).endswith(f"by {len(LEFT[0])} nodes that no mode moves")
+@pytest.mark.parametrize("name", HELD_BY)
+def test_what_holds_a_body(name):
+    make, options, expected = HELD_BY[name]
+    assert held_by(make(), **options).endswith(f"by {expected}")
 
 
 def test_reference_of_clamped_modes_are_the_nodes_that_no_mode_moves():
@@ -686,19 +686,6 @@ def test_reference_of_clamped_modes_are_the_nodes_that_no_mode_moves():
     scene, count = clamped_modes()
     assert count > 3
     assert held_by(without_sets(scene)).endswith(f"by {count} nodes that no mode moves")
-
-
-def test_reference_that_was_given_is_taken():
-    """Before all others."""
-    given = mean_motion(*LEFT)
-    assert held_by(bar(), reference=given).endswith("by reference= of floating_body")
-    assert held_by(bar("free", 6), reference=mass_orthogonal()).endswith("by reference= of floating_body")
-
-
-def test_rigid_interfaces_are_those_that_all_modes_move_as_rigid_bodies():
-    """RBE2 modes."""
-    line = held_by(bar("RBE2"), interfaces="rigid")
-    assert line.endswith(f"by {len(LEFT[0])} nodes that no mode moves, 1 rigid interfaces")
 
 
 def random_modes():
@@ -825,23 +812,6 @@ def test_error_found_when_a_solve_begins_is_kept_and_the_run_goes_on():
     for question in (monitor.report, monitor.report, lambda: monitor.plan):
         check_error(question, AssumptionError, "modal coordinates")
     assert monitor.runs == ()
-
-
-def test_error_of_one_solve_does_not_stay_for_the_next():
-    """Once its cause is gone."""
-    scene = supported()
-    nodes = scene.mbs.AddMarker(
-        itemInterface.MarkerSuperElementPosition(
-            bodyNumber=scene.body, meshNodeNumbers=[3, 20], weightingFactors=[1.0, 1.0]
-        )
-    )
-    loaded(scene, nodes)
-    monitor = watched(scene)
-    solve(scene, h=1e-4, steps=3)
-    check_error(monitor.report, InputError, "weights of sum 2")
-    scene.mbs.SetMarkerParameter(nodes, "weightingFactors", [0.5, 0.5])
-    solve(scene, h=1e-4, steps=3)
-    assert len(monitor.report().t) == 4
 
 
 def test_wrong_body_stops_only_its_own_monitor_from_reporting():

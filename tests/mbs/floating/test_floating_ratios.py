@@ -16,7 +16,7 @@ from models import floating
 from tests.helpers import tolerances as tol
 from tests.mbs.floating.test_floating_bounds import (
     assert_covered,
-    attached,
+    attached_to,
     clamped_motion,
     frozen_motion,
     full_body,
@@ -48,7 +48,7 @@ def damped_scene(make, n, kind, h, end):
 def clamped(kind, n):
     """Report of the clamped bar, and the exact motion (T, nodes, 3)."""
     scene, body = damped_scene(floating.clamped_bar, n, kind, STEP, END), damped_body()
-    monitor = attached(scene, body, RATIOS, auxiliary_modes=40)
+    monitor = attached_to(scene, body, RATIOS, auxiliary_modes=40)
     scene.solve()
     report = monitor.report()
     return report, clamped_motion(body.P, report.t, body.zeta).reshape(len(report.t), -1, 3)

@@ -2,26 +2,31 @@
 
 import gc
 import weakref
+from dataclasses import replace
 
+import exudyn as exu
 import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr import load_report
+from exudyn_romerr import AssumptionError, load_report
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
     COUPLED,
     FROZEN,
     STEP,
+    add_load,
+    add_spring,
+    ground_marker,
     pendulum,
+    raised,
+    ran_to_its_end,
     reports,
     solve,
     watch,
 )
 
-NEGLECTED = "Neglected"
-REACT = "these react to the body's deformation"
 SCENES = {
     "double pendulum": lambda: pendulum(2),
     "slider crank": lambda: mechanisms.slider_crank(2, t_end=0.01),
@@ -76,31 +81,6 @@ def test_chain_of_three_bars():
         assert np.max(report.output("probe").bound["best"]) > np.max(of_two.output("probe").bound["best"])
 
 
-# --- the simulation is not touched ------------------------------------------
-
-
-@pytest.mark.parametrize("estimators", ["auto", ("fast", *BOTH)])
-@pytest.mark.parametrize("name", SCENES)
-def test_attaching_changes_no_bit_of_the_simulation(name, estimators):
-    scene = SCENES[name]()
-    solve(scene)
-    before = everything(scene)
-    monitors = watch(scene, estimators=estimators)
-    solve(scene)
-    scope = COUPLED if estimators == "auto" else FROZEN
-    assert all(set(monitor.report().scope.values()) == {scope} for monitor in monitors)
-    for one, other in zip(before, everything(scene), strict=True):
-        np.testing.assert_array_equal(other, one)
-
-
-def everything(scene):
-    """Final coordinates, their rates and accelerations, multipliers; all that sensors stored."""
-    system = scene.mbs.systemData
-    states = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
-    sensors = [scene.mbs.GetSensorStoredData(sensor) for sensor in scene.sensors.values()]
-    return [*(read() for read in states), system.GetAECoordinates(), *sensors]
-
-
 # --- reports ----------------------------------------------------------------
 
 
@@ -132,30 +112,6 @@ def test_fields_at_nodes_are_those_of_outputs():
             assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) + rounding
 
 
-def test_tolerance_on_one_bar_stops_the_solve():
-    free, _ = reports(pendulum(20), estimators="energy")
-    bound = np.max(free.output("probe").bound["best"], axis=1)
-    scene, limit = pendulum(20), np.max(bound) / 2
-    monitors = [*watch(scene, 1, estimators="energy", tolerance=limit), *watch(scene, 2, estimators="energy")]
-    solve(scene)
-    stopped, other = (monitor.report() for monitor in monitors)
-    assert stopped.t[-1] == other.t[-1] == free.t[np.argmax(bound > limit)] < free.t[-1]
-    assert "tolerance on 'probe' exceeded" in stopped.messages[0]
-
-
-def test_mbs_is_freed_when_dropped():
-    def solved():
-        scene = pendulum()
-        monitors = watch(scene)
-        solve(scene)
-        return weakref.ref(scene.mbs), monitors[0]
-
-    mbs, runs = (lambda mbs, monitor: (mbs, monitor.runs))(*solved())
-    gc.collect()
-    assert mbs() is None
-    assert len(runs[0].report().t) == 11
-
-
 def test_what_a_solve_has_made_goes_with_the_next():
     """Bodies with vectors, and before garbage is collected; rows stay, for the report of their run."""
     scene = pendulum()
@@ -169,3 +125,204 @@ def test_what_a_solve_has_made_goes_with_the_next():
         assert (body(), errors()) == (None, None)
     finally:
         gc.enable()
+
+
+# --- what coupled bounds cannot cover ---
+
+
+def assert_frozen(found, *words):
+    """All reports are of frozen inputs, and say why."""
+    for report in found:
+        assert set(report.scope.values()) == {FROZEN}
+        for e in report.scope:
+            assert all(word in report.reason(e) for word in ("no coupled bound", *words))
+
+
+# --- which bodies and outputs -----------------------------------------------
+
+
+def with_named_second_bar():
+    scene = pendulum()
+    scene.mbs.SetObjectParameter(scene.bodies[1]["oFFRFreducedOrder"], "name", "forearm")
+    return scene
+
+
+def test_bar_that_is_not_attached_is_named():
+    """And to attach it is the next step: half the step would not tell what its error does."""
+    scene = with_named_second_bar()
+    made = reports(scene, 1)
+    assert_frozen(made, "not attached", "forearm")
+    out = made[0].output("probe")
+    made[0].outputs["other"] = replace(out, name="other")
+    assert str(made[0]).count("; attach all flexible bodies\n") == 1
+
+
+def test_bar_that_is_not_attached_is_refused_where_the_coupled_scope_was_asked_for(capfd):
+    """Announced once: SolveDynamic does not raise; who looks at sensors first must not be left in the dark."""
+    scene = with_named_second_bar()
+    (monitor,) = watch(scene, 1, scope=COUPLED)
+    solve(scene)
+    exu.Print("end")
+    out = capfd.readouterr().out
+    assert out.count("The simulation goes on") == 1
+    assert "are not attached" in out
+    assert ran_to_its_end(scene)
+    assert monitor.runs == ()
+    error = raised(monitor)
+    with pytest.raises(AssumptionError, match="forearm") as of_plan:
+        monitor.plan  # noqa: B018
+    for text in (str(error), str(of_plan.value)):
+        assert all(word in text for word in (COUPLED, "not attached", "forearm", FROZEN))
+    assert type(error) is AssumptionError
+
+
+def test_a_tolerance_stops_the_solve_by_frozen_inputs_and_the_report_has_the_mechanism():
+    scene = pendulum()
+    monitors = watch(scene, outputs="tip {}", tolerance={"probe": 1.0})
+    solve(scene)
+    assert ran_to_its_end(scene)
+    for monitor in monitors:
+        assert set(monitor.report().scope.values()) == {COUPLED}
+        assert monitor.report().output("probe").tolerance == 1.0
+
+
+@pytest.mark.parametrize("asked", [{"scope": FROZEN}, {"initial": "equilibrium"}, {"estimators": "fast"}], ids=str)
+def test_a_body_beside_one_of_frozen_inputs_is_told_all_the_same(asked):
+    """The mechanism knows the error of both."""
+    scene = pendulum()
+    frozen, told = *watch(scene, 1, **asked), *watch(scene, 2)
+    solve(scene)
+    assert set(frozen.report().scope.values()) == {FROZEN}
+    assert set(told.report().scope.values()) == {COUPLED}
+
+
+def test_estimators_that_are_never_coupled_do_not_meet_a_coupled_scope():
+    scene = pendulum()
+    monitors = watch(scene, estimators="fast", scope=COUPLED)
+    solve(scene)
+    for monitor in monitors:
+        assert type(raised(monitor)) is AssumptionError
+
+
+@pytest.mark.parametrize("count", [6, 60, 189])
+def test_numbers_of_auxiliary_vectors(count):
+    for report in reports(pendulum(0, steps=2), auxiliary_modes=count):
+        assert set(report.scope.values()) == {COUPLED}
+        assert np.abs(report.output("probe").estimate_parts["basis"]).max() > 0
+
+
+def test_too_few_vectors_have_no_check():
+    """One vector told a tenth of the error within half a percent."""
+    assert_frozen(reports(pendulum(0, steps=2), auxiliary_modes=1), "auxiliary_modes=1 is too few")
+
+
+# --- what acts in the mechanism ---------------------------------------------
+
+
+def add_mass(scene):
+    """A mass point beside the pendulum; markers of its height above the ground."""
+    items, mbs = itemInterface, scene.mbs
+    node = mbs.AddNode(items.NodePoint(referenceCoordinates=[0, 0, 3]))
+    mbs.AddObject(items.MassPoint(nodeNumber=node, mass=1.0))
+    ground = mbs.AddNode(items.NodePointGround())
+    return [
+        mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=number, coordinate=c))
+        for number, c in ((ground, 0), (node, 2))
+    ]
+
+
+def add_connector(kind, data=0, **options):
+    """Return a function that joins a mass point to the ground by a connector, which is named `culprit`."""
+
+    def add(scene):
+        more = dict(options)
+        if data:
+            node = itemInterface.NodeGenericData(initialCoordinates=[0.0] * data, numberOfDataCoordinates=data)
+            more["nodeNumber"] = scene.mbs.AddNode(node)
+        scene.mbs.AddObject(kind(name="culprit", markerNumbers=add_mass(scene), **more))
+
+    return add
+
+
+def own_force(mbs, t, number, u, v, stiffness, damping, offset):
+    return [0.0, 0.0, -10.0 * u[2]]
+
+
+EXTENDED = itemInterface.CoordinateSpringDamperExt
+REFUSED = {
+    "contact": (add_connector(itemInterface.ObjectContactCoordinate, 1, contactStiffness=1e3), "data coordinates"),
+    "limit stops": (add_connector(EXTENDED, 3, useLimitStops=True, limitStopsStiffness=1e3), "data coordinates"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_has_data_coordinates_is_frozen_and_named(name):
+    add, culprit = REFUSED[name]
+    scene = pendulum()
+    add(scene)
+    assert_frozen(reports(scene), culprit)
+
+
+ALLOWED = {
+    "spring": add_spring,
+    "connector of a mass": add_connector(itemInterface.CoordinateSpringDamper, stiffness=10.0, damping=1.0),
+    "load": add_load,
+    "load that turns with a bar": lambda scene: add_load(scene, bodyFixed=True),
+    "friction": add_connector(EXTENDED, dynamicFrictionForce=1.0, frictionProportionalZone=1e-3),
+    "own force": lambda scene: add_spring(scene, springForceUserFunction=own_force),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_springs_and_loads_are_coupled(name):
+    scene = pendulum()
+    ALLOWED[name](scene)
+    for report in reports(scene):
+        assert set(report.scope.values()) == {COUPLED}
+
+
+def test_redundant_constraints_change_nothing():
+    found = []
+    for doubled in (False, True):
+        scene = pendulum(steps=20)
+        solver = scene.settings.linearSolver
+        solver.solverType, solver.ignoreSingularJacobian = exu.LinearSolverType.EigenDense, doubled
+        if doubled:
+            hinge = scene.mbs.GetObject(scene.objects["hinge 2"])
+            markers = hinge["markerNumbers"]
+            scene.mbs.AddObject(itemInterface.GenericJoint(markerNumbers=markers, constrainedAxes=mechanisms.HINGE))
+        found.append(reports(scene))
+    for one, other in zip(*found, strict=True):
+        assert set(other.scope.values()) == {COUPLED}
+        pairs = (report.output("probe").estimate_parts["basis"] for report in (one, other))
+        np.testing.assert_allclose(*pairs, rtol=0, atol=1e-6 * np.abs(one.output("probe").estimate).max())
+
+
+def on_interior_nodes(kind, n, *joints):
+    """One bar with joints at its right face or in its middle."""
+    scene = mechanisms._scene((n, kind), (STEP, 5 * STEP))
+    mechanisms._add_bar(scene, floating.RAYLEIGH)
+    positions = scene.fem.GetNodePositionsAsArray()
+    nodes = np.flatnonzero(np.abs(positions[:, 0] - 0.2) < 0.03)
+    weights = np.ones(len(nodes)) / len(nodes)
+    middle = floating.add_interface_marker(scene.mbs, scene.bodies[0]["oFFRFreducedOrder"], nodes, weights)
+    places = {
+        "right": (scene.markers["right 1"], [0.4, 0.02, 0.03]),
+        "middle": (middle, positions[nodes].mean(axis=0)),
+    }
+    for joint in joints:
+        marker, place = places[joint]
+        mechanisms.join(scene, joint, ground_marker(scene, place), marker, mechanisms.HINGE)
+    return scene, middle
+
+
+@pytest.mark.parametrize(("kind", "n", "joints"), [("free", 3, ["middle"]), ("RBE3", 2, ["right", "middle"])])
+@pytest.mark.parametrize("estimators", ["energy", "auxiliary"])
+def test_joint_on_nodes_without_static_modes_is_refused(estimators, kind, n, joints):
+    scene, middle = on_interior_nodes(kind, n, *joints)
+    (monitor,) = watch(scene, estimators=estimators)
+    solve(scene)
+    error = raised(monitor)
+    assert type(error) is AssumptionError
+    assert "static modes" in str(error)
+    assert f"marker {int(middle)}" in str(error)

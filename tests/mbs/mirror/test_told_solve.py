@@ -1,6 +1,7 @@
 """What is told of real runs of Exudyn, beside runs with all modes and runs with finer steps."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
@@ -13,18 +14,19 @@ from benchmarks.by_run import told_by_run
 from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.errors import AssumptionError, RunError
 from exudyn_romerr.mbs.access.detached import Detached
+from exudyn_romerr.mbs.mirror import recorder as module
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror import vectors
-from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
-from exudyn_romerr.mbs.mirror.layout import unknowns_of
-from exudyn_romerr.mbs.mirror.recorder import Recorder
+from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy, unknowns_of
+from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
 from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.report.report_rows import rows_of
 from models import floating
 from models.robot_arm import robot_arm
-from tests.mbs.mechanism.test_units import in_units
+from tests.helpers.observed import flexes, shown
+from tests.mbs.mechanism.test_same_numbers import in_units
 
 H = 1e-3
 LOCAL = 1e-9  # m: below, Newton's tolerance in the truth is as large as what is looked at
@@ -43,10 +45,6 @@ def scene_of(n, kind="RBE3", t_end=0.05, h=H, force=pushed):
     for number in scene.sensors.values():
         scene.mbs.SetSensorParameter(number, "storeInternal", True)
     return scene
-
-
-def shown(scene):
-    return {name: scene.mbs.GetSensorStoredData(k)[:, 1:] for name, k in scene.sensors.items()}
 
 
 def told(scene):
@@ -127,9 +125,8 @@ def test_rigid_interfaces_are_told_apart(all_modes):
 
 def test_a_controller_in_pre_step_shows_at_the_rows():
     scene = robot_arm(4, t_end=0.02)
-    flexes = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
     with pytest.raises(AssumptionError, match="PreStep"):
-        told_by_run(scene.mbs, flexes, scene.solve)
+        told_by_run(scene.mbs, flexes(scene), scene.solve)
 
 
 def test_nothing_is_told_without_a_step():
@@ -384,3 +381,73 @@ def test_a_load_between_interfaces_is_felt_by_vectors():
     copy.note_dependence([copy.read(*rows.row(i)) for i in (1, 3)])
     assert len(unknowns.kept)
     assert set(unknowns.kept) <= set(copy.felt)
+
+
+# --- rows of a run ---
+
+
+class System:
+    """What a recorder reads: q, q_t, q_tt of two coordinates, one multiplier; accelerations are numbers of rows."""
+
+    def __init__(self):
+        self.q, self.number = np.zeros(2), 0
+
+    def GetODE2Coordinates(self, *_):
+        return self.q
+
+    def GetODE2Coordinates_t(self, *_):
+        return 10 * self.q
+
+    def GetODE2Coordinates_tt(self, *_):
+        return np.full(2, self.number)
+
+    def GetAECoordinates(self, *_):
+        return self.q[:1] - 1
+
+
+def recorded(times):
+    """A recorder of rows whose coordinates are t, 2 t."""
+    mbs = SimpleNamespace(systemData=System())
+    found = Recorder(mbs, None)
+    for number, t in enumerate(times):
+        mbs.systemData.q, mbs.systemData.number = np.array([t, 2 * t]), number
+        assert found(mbs, t) is True
+    return found, mbs
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 5, 23])
+def test_rows_in_a_file_are_the_same(count, monkeypatch):
+    (wanted,) = recorded(np.arange(count))[0].runs()
+    monkeypatch.setattr(module, "MOST", 8 * 8 * 11)  # eleven rows
+    found, mbs = recorded(np.arange(count))
+    (rows,) = found.runs()
+    assert isinstance(rows.q, np.memmap) == (count > 12)
+    for one, other in zip(vars(rows).values(), vars(wanted).values(), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(wanted.v, 10 * np.outer(np.arange(count), [1, 2]))
+    np.testing.assert_array_equal(wanted.multipliers[:, 0], np.arange(count) - 1)
+    mbs.systemData.q = np.array([99.0, 198.0])
+    found(mbs, 99.0)  # it goes on where it was
+    np.testing.assert_array_equal(found.runs()[0].t, [*range(count), 99.0])
+
+
+def test_a_solver_that_begins_again_begins_a_run_or_goes_on():
+    runs = recorded([0, 1, 2, 2, 3, 0, 1, 0.5, 1.5])[0].runs()
+    assert [rows.t.tolist() for rows in runs] == [[0, 1, 2, 3], [0, 1], [0.5, 1.5]]
+    assert runs[0].a[:, 0].tolist() == [0, 1, 3, 4]  # accelerations that a solver finds anew
+    assert recorded([])[0].runs() == []
+
+
+def test_what_cannot_be_kept_is_told_and_stops_nothing(monkeypatch):
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(StoredRows, "append", full)
+    with pytest.raises(RunError, match="could not be kept: No space left"):
+        recorded([0.0, 1.0])[0].runs()
+    monkeypatch.undo()
+    found, mbs = recorded([0.0])
+    mbs.systemData.q = np.zeros(3)
+    assert found(mbs, 1.0) is True
+    with pytest.raises(RunError, match="could not be kept"):
+        found.runs()

@@ -1,11 +1,9 @@
 """Exudyn's own ways: bounds as sensors, bands on its plots, lines beside the solver's, sensors as outputs."""
 
 import dataclasses
-import gc
 import re
 import sys
 import types
-import weakref
 from pathlib import Path
 
 import exudyn as exu
@@ -28,6 +26,7 @@ from models import floating
 from tests.helpers import mechanism_runs
 from tests.helpers.mbs_scenes import SOLVERS, TIP, N, added, random_basis
 from tests.helpers.mbs_scenes import settings as chain_settings
+from tests.helpers.observed import attached, flexes, observed
 
 Quantity = exu.OutputVariableType
 TWO = romerr.Output("two", np.eye(N)[:2], unit="m")
@@ -191,17 +190,6 @@ def test_sensor_of_an_unknown_output():
         monitor.bound_sensor("tap")
 
 
-def test_mbs_with_a_sensor_is_freed_when_dropped():
-    def run():
-        mbs, monitor, _ = chain()
-        mbs.SolveDynamic(written())
-        return weakref.ref(mbs), len(monitor.report().t)
-
-    mbs, _ = run()
-    gc.collect()
-    assert mbs() is None
-
-
 def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkeypatch):
     """They cannot say so themselves; the share in the message changes with every step."""
     mbs, monitor, _ = chain([TIP])
@@ -219,8 +207,7 @@ def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkey
 def test_sensor_says_what_frozen_inputs_leave_out(capfd):
     scene = floating.pendulum(1, t_end=0.003)
     scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=["tip"], scope=FROZEN)
+    monitor = attached(scene, outputs=["tip"], scope=FROZEN)
     scene.mbs.AddSensor(monitor.bound_sensor("tip"))
     scene.solve()
     exu.Print("end")
@@ -255,8 +242,7 @@ def bar():
     """A clamped bar that was solved with its sensors as outputs: scene, report, bound sensor."""
     scene = floating.clamped_bar(4, h=2e-4, t_end=0.01)
     scene.settings.solution.sensors.writePeriod = 4e-4  # every second step
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors.values()))
+    monitor = attached(scene, outputs=list(scene.sensors.values()))
     sensor = scene.mbs.AddSensor(monitor.bound_sensor("sensor1"))
     scene.solve()
     return scene, monitor.report(), sensor
@@ -358,9 +344,7 @@ def test_lines_only_where_all_steps_are_told(mode, lines, kind, capfd):
 def test_sensors_on_the_body_are_outputs(bar):
     scene, asked, _ = bar
     scene = floating.clamped_bar(4, h=2e-4, t_end=0.01)
-    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
-    scene.solve()
-    report = monitor.report()
+    report = observed(scene)
     assert list(report.outputs) == list(asked.outputs) == ["sensor0", "sensor1", "sensor2"]
     for name, out in report.outputs.items():
         assert out.estimate_scope == "complete"
@@ -373,7 +357,7 @@ def test_sensors_in_a_mechanism_keep_their_names():
     """The error of how the frame moves has an estimate, no bound. What the frame sees is bounded too, once a node."""
     scene = mechanism_runs.pendulum()
     scene.mbs.DeleteSensor(scene.sensors["tip 1 local"])
-    bodies = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
+    bodies = flexes(scene)
     monitors = [romerr.attach(scene.mbs, flex) for flex in bodies]
     mechanism_runs.solve(scene)
     reports = [monitor.report() for monitor in monitors]
@@ -407,7 +391,7 @@ def bare_bar():
     scene = floating.clamped_bar(2, h=2e-4, t_end=2e-3)
     for number in reversed(range(scene.mbs.systemData.NumberOfSensors())):
         scene.mbs.DeleteSensor(number)
-    return scene, romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
+    return scene, attached(scene)
 
 
 def test_sensors_are_found_when_the_solve_begins():

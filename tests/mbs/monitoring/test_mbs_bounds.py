@@ -109,14 +109,6 @@ def test_continued_solves_give_the_bound_of_one_long_solve():
         np.testing.assert_allclose(joined, bound, rtol=ROUNDING)
 
 
-def test_repeated_solve_gives_the_same_bound():
-    mbs, _, monitor = scene()
-    for _ in range(2):
-        SOLVERS["DOPRI5"](mbs, settings())
-    first, second = (run.report().output("tip").bound["best"] for run in monitor.runs)
-    np.testing.assert_array_equal(first, second)
-
-
 def test_blocks_or_single_steps_make_no_difference():
     mbs, _, blocks = scene()
     mbs.SolveDynamic(settings(steps=100))

@@ -1,9 +1,7 @@
 """Monitor: runs, reports, tolerances and failures, along solves of every kind."""
 
-import gc
 import os
 import signal
-import weakref
 from contextlib import nullcontext
 from dataclasses import replace
 from unittest import mock
@@ -12,14 +10,16 @@ import exudyn as exu
 import numpy as np
 import pytest
 
+from exudyn_romerr import add_reduced_body, attach
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK, Run
-from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
+from exudyn_romerr.mbs.monitoring.monitor import MechanismMonitor
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
+from models import floating
 from tests.helpers.mbs_scenes import (
     SOLVERS,
     TIP,
@@ -33,6 +33,7 @@ from tests.helpers.mbs_scenes import (
     scene,
     settings,
 )
+from tests.helpers.observed import attached_all
 
 
 def solve(mbs, steps=20, end=0.1, start=0.0, solver=None, **options):
@@ -118,10 +119,14 @@ def test_report_of_a_run_that_does_not_exist():
 # --- runs -------------------------------------------------------------------
 
 
-def test_every_solve_is_a_run():
+@pytest.mark.parametrize("solver", ["GeneralizedAlpha", "DOPRI5"])
+def test_every_solve_is_a_run_with_the_same_bound(solver):
     mbs, _, monitor = scene()
     for _ in range(3):
-        solve(mbs)
+        solve(mbs, solver=getattr(exu.DynamicSolverType, solver))
+    for i in (1, 2):
+        bounds = (run.report().output("tip").bound["best"] for run in (monitor.runs[0], monitor.runs[i]))
+        np.testing.assert_array_equal(*bounds)
     assert starts(monitor) == [0.0, 0.0, 0.0]
     assert [len(run.report().t) for run in monitor.runs] == [21, 21, 21]
 
@@ -470,13 +475,6 @@ def test_error_of_one_solve_does_not_stay_for_the_next():
     assert len(monitor.report().t) == 21
 
 
-class FailingExtension(Run):
-    def extension(self, t, *states):
-        if t[-1] > 0.4:
-            raise ArithmeticError("mine")
-        return super().extension(t, *states)
-
-
 class FailingAdvance(Run):
     def advance(self, extension):
         if extension.new.t[-1] > 0.4:
@@ -484,28 +482,16 @@ class FailingAdvance(Run):
         super().advance(extension)
 
 
-@pytest.mark.parametrize(("Failing", "kept"), [(FailingExtension, 1639), (FailingAdvance, BLOCK + 1)])
-def test_error_in_a_later_block_keeps_what_is_before(monkeypatch, Failing, kept):
-    """Every step before it, or every block if it comes when bounds advance."""
-    monkeypatch.setattr(watch, "Run", Failing)
+def test_error_of_bounds_that_advance_keeps_the_blocks_before(monkeypatch):
+    """Of steps that cannot be checked every step before is kept, see test_faults."""
+    monkeypatch.setattr(watch, "Run", FailingAdvance)
     monkeypatch.setattr(hooks, "LONGEST", 1)
     mbs, _, monitor = scene()
     solve(mbs, steps=4 * BLOCK, end=1.0)
     with pytest.raises(ArithmeticError, match="mine"):
         monitor.report()
-    assert len(monitor.runs[0].report().t) == kept
+    assert len(monitor.runs[0].report().t) == BLOCK + 1
     assert mbs.systemData.GetTime() == pytest.approx(1.0)
-
-
-def test_mbs_is_freed_when_dropped():
-    def run():
-        mbs, _, monitor = scene()
-        solve(mbs)
-        return weakref.ref(mbs), len(monitor.report().t)
-
-    mbs, _ = run()
-    gc.collect()
-    assert mbs() is None
 
 
 def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
@@ -541,3 +527,18 @@ def test_a_monitor_shows_itself_in_one_line():
     todo = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve>"
     assert repr(monitor) == f"<Monitor of one body; {todo}"
     assert repr(MechanismMonitor(None, (monitor, monitor), None)) == f"<MechanismMonitor of 2 bodies; {todo}"
+
+
+# --- a run that a user function ended on purpose is a complete one, as long as it was ---
+
+
+def test_what_a_user_function_ends_on_purpose_is_complete():
+    scene = floating.pendulum(4, t_end=0.02)
+    scene.mbs.SetPostStepUserFunction(lambda mbs, t: t < 0.01)
+    monitor = attached_all(scene)
+    scene.solve()
+    report = monitor.report()
+    said = "Until 0.01 of 0.02 s: a user function that returned False stopped it on purpose. Enough: "
+    assert report.summary(1e9).splitlines()[1].startswith(said)
+    assert all(body.on_purpose for body in report.bodies)
+    assert monitor.report(-1).on_purpose

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr import add_reduced_body, attach, floating_body, krylov_basis
+from exudyn_romerr import add_reduced_body, attach, krylov_basis
 from exudyn_romerr.linear.run import prepare
 from exudyn_romerr.mbs.floating import moving_subject
 from models import linkage
 from tests.helpers import mbs_scenes
+from tests.helpers.observed import attached
 from tests.mbs.floating.test_floating_scene import HINGE, TIP, Quantity, add_load, add_spring, settings, supported
 
 FORCE = [0.0, 20.0, 30.0]
@@ -41,7 +42,7 @@ def hinged(outputs=(TIP,)):
         bodyNumber=scene.items["oFFRFreducedOrder"], meshNodeNumber=20, outputVariableType=Quantity.Displacement
     )
     scene.mbs.AddSensor(node)
-    scene.monitor = attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs, scope="inputs frozen")
+    scene.monitor = attached(scene, outputs=outputs, scope="inputs frozen")
     return scene
 
 
@@ -54,7 +55,7 @@ def turn(scene, anew=False):
     for solve in (mbs.SolveStatic, mbs.SolveDynamic):
         if anew:
             subject = scene.monitor.subject
-            subject._signature = subject._before = ()
+            subject._made = {}
         if solve == mbs.SolveStatic:
             mbs.systemData.SetODE2Coordinates(scene.begin, configuration=exu.ConfigurationType.Initial)
             solve(simulation, updateInitialValues=True)

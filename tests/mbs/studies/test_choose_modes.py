@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.studies.scene_run import Trial, build_trial
+from exudyn_romerr.mbs.studies.two_level import Trial, build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
 from exudyn_romerr.mode_selection.tried_run import BASIS, INTERFACES, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
+from tests.helpers.observed import attached
 
 # A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider
 # crank forecasts from 2 modes up to 12 are within 4 % of the runs, but for bounds that the slack makes.
@@ -26,16 +27,14 @@ def crank(n, kind="RBE3", steps=120, **options):
     scene = mechanism_truths.half_crank(n, kind, steps)
     tip = int(floating.interface(scene.fem, "tip")[0][0])
     outputs = [romerr.node_displacement(name, node=k) for name, k in (("tip", tip), ("mid", mechanisms.MIDDLE))]
-    flex = romerr.floating_body(scene.fem, scene.bodies[0])
-    return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
+    return scene.mbs, attached(scene, outputs=outputs, **options), scene.settings
 
 
 def swing(n, kind="RBE3", **options):
     """A pendulum that is kicked smoothly, sampled so that steps do not matter."""
     scene = mechanism_truths.kicked(n, kind)
     scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip local"]], **options)
+    monitor = attached(scene, outputs=[scene.sensors["tip local"]], **options)
     return scene.mbs, monitor, scene.settings
 
 
@@ -64,12 +63,11 @@ def crank_truth():
 
 
 def noting(build, built):
-    """Build, and keep the monitor of each scene."""
+    """Build, and keep what was built."""
 
     def build_and_note(n):
-        made = build(n)
-        built.append(made[1])
-        return made
+        built.append(build(n))
+        return built[-1]
 
     return build_and_note
 
@@ -97,12 +95,6 @@ def test_forecast_is_what_runs_with_more_and_fewer_modes_find(kind):
             )
 
 
-def test_forecast_of_the_run_itself_is_its_bound():
-    forecast, report = forecasts_from(crank, 4, 12)
-    for name, out in report.outputs.items():
-        assert forecast[name].bound(range(4)) == pytest.approx(np.max(out.bound["best"]), rel=tol.SUMS)
-
-
 def test_forecast_of_outputs_in_global_axes():
     """They are seen through the frame's rotation. Velocities there have frozen inputs, and much slack."""
 
@@ -113,8 +105,7 @@ def test_forecast_of_outputs_in_global_axes():
             romerr.node_velocity("speed", node=mechanisms.MIDDLE, frame="global"),
         ]
         options = {"time": "sampled", "scope": "inputs frozen"}
-        flex = romerr.floating_body(scene.fem, scene.items)
-        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
+        return scene.mbs, attached(scene, outputs=outputs, **options), scene.settings
 
     forecast, _ = forecasts_from(build, 4, 8)
     for n in (0, 1, 2, 6):
@@ -141,10 +132,11 @@ def test_forecast_of_velocities():
     assert forecast.bound(range(0)) > 10 * forecast.largest_slack
 
 
-def test_onlookers_change_no_bound():
-    (_, with_content), without = forecasts_from(crank, 4, 12), solved(crank(4))
+def test_onlookers_change_no_bound_and_forecast_that_of_their_run():
+    (forecast, with_content), without = forecasts_from(crank, 4, 12), solved(crank(4))
     for name, out in without.outputs.items():
         seen = with_content.output(name).bound["best"]
+        assert forecast[name].bound(range(4)) == pytest.approx(seen.max(), rel=tol.SUMS)
         # modes of two builds differ in the last digits
         np.testing.assert_allclose(seen, out.bound["best"], rtol=1e-3, atol=1e-3 * seen.max())
 
@@ -161,7 +153,7 @@ def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth
     built = []
     choice = romerr.choose_modes(noting(crank, built), share, relative=True)  # of each output
     assert choice.met
-    assert sum(len(monitor.runs) for monitor in built) <= 4
+    assert sum(len(monitor.runs) for _, monitor, _ in built) <= 4
     worst = {}
     for n in (choice.n - 1, choice.n):
         report = choice.reports[0] if n == choice.n else solved(crank(n))
@@ -288,12 +280,12 @@ def test_steps_are_the_limit_of_a_bound_that_covers_them():
 
 
 def test_steps_are_the_limit_beside_a_bound_that_does_not_cover_them(crank_truth):
-    """A run with half the step tells the error of the step: against a run with an eighth of it, within a third."""
+    """A run with half the step tells the error of the step: against a run with a quarter of it, within a third."""
     choice = romerr.choose_modes(partial(crank, steps=60), {"mid": 1.5e-2}, relative=True, first=8, most=12)
     assert (choice.met, choice.limit) == (True, STEP)
     assert len(choice.tried) <= 3
-    fine, coarse = solved(crank(choice.n, steps=480)).output("mid"), choice.reports[0].output("mid")
-    error = np.max(np.abs(fine.value[::8] - coarse.value))
+    fine, coarse = solved(crank(choice.n, steps=240)).output("mid"), choice.reports[0].output("mid")
+    error = np.max(np.abs(fine.value[::4] - coarse.value))
     assert choice.step_error["mid"] == pytest.approx(error, rel=1 / 3)
     assert "too long" in str(choice)
 
@@ -305,7 +297,7 @@ def test_step_is_not_the_limit_where_it_is_short():
 
 
 def test_too_few_modes_are_said_so():
-    choice = romerr.choose_modes(partial(crank, steps=480), {"mid": 1e-3}, relative=True, first=2, most=6)
+    choice = romerr.choose_modes(partial(crank, steps=360), {"mid": 1e-3}, relative=True, first=2, most=6)
     assert (choice.met, choice.limit, choice.n) == (False, BASIS, 6)
     assert "most=" in str(choice)
     assert "add modes" not in str(choice)  # a second cure, of the run alone
@@ -337,8 +329,7 @@ def released(n):
         if scene.mbs.GetLoad(i)["loadType"] == "MassProportional":
             scene.mbs.SetLoadParameter(i, "loadVectorUserFunction", 0)
     scene.mbs.SetSensorParameter(scene.sensors["middle 1 local"], "name", "middle 1")
-    flex = romerr.floating_body(scene.fem, scene.bodies[0])
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["middle 1 local"]])
+    monitor = attached(scene, outputs=[scene.sensors["middle 1 local"]])
     scene.mbs.Assemble()
     scene.settings.staticSolver.verboseMode = 0
     scene.mbs.SolveStatic(scene.settings, updateInitialValues=True)
@@ -455,24 +446,14 @@ def test_dynamic_solve_inside_build_is_refused():
         romerr.choose_modes(build, {"tip": 1.0}, most=6)
 
 
-def test_onlookers_are_in_no_report_and_no_plan():
-    choice = romerr.choose_modes(crank, {"mid": 0.5}, relative=True, first=1, most=4)
+def test_onlookers_are_in_no_report_and_settings_are_as_they_were():
+    scenes = []
+    choice = romerr.choose_modes(noting(crank, scenes), {"mid": 0.5}, relative=True, first=1, most=4)
     report = choice.reports[0]
     assert list(report.outputs) == ["tip", "mid"]
     assert "content" not in str(report) + str(report.plan)
-
-
-def test_settings_are_as_they_were():
-    scenes = []
-
-    def build(n):
-        made = crank(n)
-        scenes.append(made[2])
-        return made
-
-    choice = romerr.choose_modes(build, {"mid": 0.5}, relative=True, first=1, most=4)
     assert choice.step_error is not None
-    assert {settings.timeIntegration.numberOfSteps for settings in scenes} == {120}
+    assert {settings.timeIntegration.numberOfSteps for *_, settings in scenes} == {120}
 
 
 def test_outputs_that_stay_zero_have_no_relative_tolerance():

@@ -11,7 +11,7 @@ from exudyn_romerr.mbs.studies.parameter_sweep import OPTIONS, Failure
 from models import exact, sensitivity
 from models.sensitivity import BINARY, DECIMAL, MOVED, UNITS
 
-SHORT = 1e-3  # s between samples
+SHORT = 4e-3  # s between samples
 LINKAGE = {"bits": [64, 32], "n": [6, 12]}
 SIGNAL = np.max(np.abs(sensitivity.exact_tip(np.linspace(0, 2, 201))))  # m
 # Arithmetic in units that differ by powers of two rounds alike, unless a constant in metres were somewhere.
