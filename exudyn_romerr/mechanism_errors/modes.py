@@ -77,12 +77,14 @@ class Modes:
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         felt = self._without_sampled(block, sums[0], sums[1])
         left = [unbalanced(block, u, *(x[..., k] for x in (felt, *sums[1:])))[0] for k in range(len(self._wanted))]
-        if self.missed:
-            left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
         d, dlam = self._second.through(block, factors, np.stack(left, -1), before[1])
-        (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
-        whole, forces = sums[1] + d, sums[2] + dlam
-        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
+        whole, forces, f, beside = sums[1] + d, sums[2] + dlam, sums[0][..., -1], {}
+        if self.missed:
+            given = (x[..., -1] for x in sums[1:])
+            kicks, added, beside["missed"] = self.missed.take(block, factors, first, *given)
+            whole, forces = (x + y[..., None] for x, y in zip((whole, forces), added, strict=True))
+            f = f + kicks
+        self.now = Marched(block, f, whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
         for b, own in enumerate(u.of_vectors()):
             x = whole[:, 0, own, -1]
             self.squares[b] = self.squares[b] + x.T @ x
@@ -95,7 +97,7 @@ class Modes:
             whole=(whole, forces),
             change=(d[..., :1], dlam[..., :1]),
             steps=(off, off_lam),
-            missed=(beside, forces_beside),
+            **beside,
         )
         self._keep(shown, changed)
 
@@ -152,8 +154,10 @@ class Modes:
     @property
     def end(self) -> tuple[State, State]:
         """The states of parts and corrections after the last row."""
-        corrections, count = self._second.state, len(self._wanted)
-        return self._first.state, State(corrections.x[..., :count], corrections.p[..., :count])
+        corrections, added = self._second.state, self.missed and self.missed.end
+        if added is not None:
+            corrections = State(corrections.x + added.x, corrections.p + added.p)
+        return self._first.state, corrections
 
     def _kicks(self, block: Block) -> np.ndarray:
         """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""
