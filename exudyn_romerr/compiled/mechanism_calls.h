@@ -16,7 +16,7 @@ WIDE static Size invert_bordered_wide(const Bordered *all) { return invert_borde
 WIDE static void make_matrices_wide(const StepMatrices *all) { make_matrices(all); }
 #endif
 
-#define MARCH_ARRAYS 11
+#define MARCH_ARRAYS 12
 #define BODY_ARRAYS 10
 #define MECHANISM                                                                                                      \
     "march_mechanism((T, n, n_a, c, columns, orders), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ "   \
@@ -65,13 +65,14 @@ static int mechanism_of(PyObject *scheme, PyObject *starts, PyObject *bodies, Py
 {
     const Size T = all->T, n_a = all->n_a, k = all->k, w = n_a + k, c = all->c, square = T * n_a * n_a;
     const Size many[MARCH_ARRAYS] = {T, T, T, square, square, square, T * k * n_a, T * w * w, all->orders * square,
-                                     T * all->nodes * 70, T * all->n * c};
-    const double **into[MARCH_ARRAYS - 2] = {&all->h, &all->c1, &all->c2,     &all->M,      &all->D,
+                                     T * all->nodes * 70, T * all->n * c, T * k * c};
+    const double **into[9] = {&all->h, &all->c1, &all->c2,     &all->M,      &all->D,
                                              &all->K, &all->C,  &all->inverse, &all->sampled};
-    for (int i = 0; i < MARCH_ARRAYS - 2; i++)
+    for (int i = 0; i < 9; i++)
         if (!(*into[i] = numbers(given[i], held, many[i], 'd', 0))) return -1;
     if (!(all->turns = numbers(given[9], held, many[9], 'd', 0)) ||
         !(all->f = numbers(given[10], held, many[10], 'd', 0)) ||
+        !(all->g = numbers(given[11], held, many[11], 'd', 0)) ||
         !(all->scheme = numbers(scheme, held, 4, 'd', 0)) ||
         !(all->x = numbers(written[0], held, 4 * all->n * c, 'd', PyBUF_WRITABLE)) ||
         !(all->y = numbers(written[1], held, 16 * all->nodes * c, 'd', PyBUF_WRITABLE)) ||
@@ -85,9 +86,9 @@ static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
 {
     Mechanism all = {0};
     PyObject *scheme, *starts, *bodies, *given[MARCH_ARRAYS], *written[4], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "(nnnnnn)OOO!(OOOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &all.orders,
+    if (!PyArg_ParseTuple(arguments, "(nnnnnn)OOO!(OOOOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &all.orders,
                           &scheme, &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4,
-                          given + 5, given + 6, given + 7, given + 8, given + 9, given + 10, written, written + 1,
+                          given + 5, given + 6, given + 7, given + 8, given + 9, given + 10, given + 11, written, written + 1,
                           written + 2, written + 3))
         return NULL;
     const Size nodes = PyObject_Length(starts);

@@ -16,7 +16,7 @@ typedef struct {
     Size T, n, n_a, k, c, orders, nodes, bodies;
     const int64_t *spin; /* (nodes): where their rotations are */
     const Oscillating *body;
-    const double *scheme, *h, *c1, *c2, *M, *D, *K, *C, *inverse, *sampled, *f; /* sampled: (orders, T, n_a, n_a) */
+    const double *scheme, *h, *c1, *c2, *M, *D, *K, *C, *inverse, *sampled, *f, *g; /* sampled: (orders, T, n_a, n_a) */
     const Turn *turns;                /* (T, nodes) */
     double *x, *y, *e, *l, *work; /* states (4, n, c), (4, nodes, 4, c); (T, 3, n, c), (T, k, c); march_work() numbers */
 } Mechanism;
@@ -76,7 +76,7 @@ INLINE void march_columns(const Mechanism *a, Size c)
     for (Size i = 0; i < a->T; i++) {
         const Turn *turn = a->turns + i * a->nodes;
         const double c1 = a->c1[i], c2 = a->c2[i], *M = a->M + i * n_a * n_a;
-        memcpy(r, a->f + i * N, na * sizeof(double)), memset(r + na, 0, k * c * sizeof(double));
+        memcpy(r, a->f + i * N, na * sizeof(double)), memcpy(r + na, a->g + i * k * c, k * c * sizeof(double));
         for (Size o = 0; o < a->orders; o++) /* by the row before */
             add(n_a, n_a, c, -1, a->sampled + (o * a->T + i) * n_a * n_a, x + o * N, r);
         predict(N, a->h[i], a->scheme, x, q, v), predict(E, a->h[i], a->scheme, y, P, P1);

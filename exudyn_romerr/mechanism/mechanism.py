@@ -28,9 +28,9 @@ class OtherEquations(Protocol):
         """Return M a - f + G^T lam (T, n_a) at rows of the run, in axes of bodies."""
 
     def moved_forces(
-        self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
+        self, t: np.ndarray, states: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
+        """Return M a - f + G^T lam (T, n_a) in axes of bodies, g (T, all); kept (T, 3, kept) : beside q, v, a."""
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""

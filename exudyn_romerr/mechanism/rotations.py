@@ -5,7 +5,7 @@ Small rotations dphi are vectors in global axes: A -> exp(dphi~) A.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import comb
 
 import numpy as np
@@ -76,9 +76,19 @@ def along_screw(phi: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[np.n
     Where a point goes that begins to move by x (..., 3) while its body turns by phi (..., 3): if it turns
     about another that is fixed, x = phi x d and V x = (exp(phi~) - 1) d.
     """
+    return _series(cross, phi, x, 2)
+
+
+def _series(
+    product: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    phi: Sequence[np.ndarray],
+    x: Sequence[np.ndarray],
+    first: int,
+) -> list[np.ndarray]:
+    """Return x + phi x / first + phi (phi x) / (first (first + 1)) + ..., and its derivatives, by Leibniz' rule."""
     found, term = [*x], x
-    for k in range(2, SERIES + 1):
-        term = [sum(comb(n, m) * cross(phi[m], term[n - m]) for m in range(n + 1)) / k for n in range(len(x))]
+    for k in range(first, SERIES + 1):
+        term = [sum(comb(n, m) * product(phi[m], term[n - m]) for m in range(n + 1)) / k for n in range(len(x))]
         found = [a + b for a, b in zip(found, term, strict=True)]
     return found
 
@@ -104,9 +114,6 @@ def global_rates(p: np.ndarray) -> np.ndarray:
     return 4 * np.swapaxes(parameter_rates(p), -1, -2)
 
 
-def turned_parameters(p: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Return Euler parameters (..., 4) after a finite rotation phi (..., 3) in global axes."""
-    angle = np.linalg.norm(phi, axis=-1, keepdims=True)
-    is_small = angle < SMALL
-    share = np.where(is_small, 0.5, np.sin(angle / 2) / np.where(is_small, 1.0, angle))
-    return np.cos(angle / 2) * p + 2 * times(parameter_rates(p), share * phi)
+def turned_parameters(p: Sequence[np.ndarray], phi: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return Euler parameters (..., 4) after a finite rotation phi (..., 3) in global axes, and their derivatives."""
+    return _series(lambda turn, x: times(parameter_rates(x), turn), phi, p, 1)

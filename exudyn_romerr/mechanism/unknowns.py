@@ -14,6 +14,7 @@ import numpy as np
 
 from .body import Body
 from .rotations import (
+    along_screw,
     global_rates,
     parameter_rates,
     rotation_matrix,
@@ -149,17 +150,21 @@ class Unknowns:
                     z[..., part] = turn(A, z[..., part])
         return z
 
-    def moved(self, q: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Return coordinates (..., n_q) moved by finite unknowns z (..., n_a) in global axes.
+    def moved(self, states: Sequence[np.ndarray], z: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return states q, q', ... (..., n_q) moved by finite unknowns z, z', ... (..., n_a) in global axes.
 
-        Frames go straight on, not along the screw as in Motion.moved: what constraints are off then tells how much of
-        second order there is in z, of which bounds take a margin.
+        Frames move along the screw of their dr and dphi, as bodies do in Motion.moved.
         """
-        q = q.copy()
+        moved = [x.copy() for x in states]
         own, at = self.plain
-        q[..., own] += z[..., at]
+        for x, y in zip(moved, z, strict=True):
+            x[..., own] += y[..., at]
         for node in self.nodes:
-            p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
-            q[..., node.own[:3]] += z[..., dr]
-            q[..., node.own[3:]] += turned_parameters(p, z[..., dphi]) - p
-        return q
+            place, turn = node.own[:3], node.own[3:]
+            shift, phi = ([y[..., part] for y in z] for part in node.shifts_and_turns)
+            p = [node.parameters(states[0]), *(x[..., turn] for x in states[1:])]
+            turned = turned_parameters(p, phi)
+            for x, before, there, by in zip(moved, p, turned, along_screw(phi, shift), strict=True):
+                x[..., place] += by
+                x[..., turn] += there - before
+        return moved

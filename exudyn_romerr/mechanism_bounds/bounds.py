@@ -48,7 +48,7 @@ class MeshRows:
 class Proved:
     """Of output rows (n,): what is to be added to estimates, and what these then miss at most, as (T, n).
 
-    missed (T, n) : what comes of forces that linear equations miss. of_constraints : share of constraints they miss.
+    missed (T, n) : what comes of forces that linear equations miss. second_order (2,) : see MissedForces.
     sizes (n,) : by which rows of any unit are alike: of what a unit of the error's energy shows in each.
     """
 
@@ -57,7 +57,7 @@ class Proved:
     static: np.ndarray
     miss: np.ndarray
     missed: np.ndarray
-    of_constraints: float
+    second_order: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Bounds:
         self._seen = [] if self.why_not else [_seen(norms[out.body], out) for out in outputs]
         self._y = self._turn = self._last_time = self._h = None
         self._start, self._static, self._miss, self._missed = 0.0, [], [], []
-        self._of_constraints = 0.0
+        self._second_order = np.zeros(2)
 
     def take(self, now: Marched) -> None:
         """Go on through what has been marched."""
@@ -111,7 +111,7 @@ class Bounds:
         if begins and not rests:
             static[0] = miss[0] = 0.0
         self._missed.append(now.missed)
-        self._of_constraints = now.of_constraints
+        self._second_order = now.second_order
         self._static.append(static)
         self._miss.append(miss)
 
@@ -123,7 +123,7 @@ class Bounds:
         missed = np.concatenate(self._missed)[:, rows]
         sizes = np.concatenate([seen.size for seen in self._seen])
         static, miss = -np.concatenate(self._static), np.concatenate(self._miss)
-        return Proved(rows, sizes, static, miss, missed, self._of_constraints)
+        return Proved(rows, sizes, static, miss, missed, self._second_order)
 
     def _speeds(self, now: Marched) -> np.ndarray:
         """Angular velocity (T,) of the node that turns fastest, rad/s."""

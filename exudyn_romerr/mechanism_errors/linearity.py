@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 
 ROUGH = 10.0  # times the median of a part, accelerations that bend more are looked at, and neighbours
@@ -41,7 +42,6 @@ class Linearity:
         e (T, 3, n_a) in global axes, lam (T, c) : what all errors together move.
         """
         masses = np.einsum("tii->ti", block.M)
-        masses = np.maximum(masses, masses.max(axis=1, keepdims=True) * np.finfo(float).eps)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
         rows = {
@@ -49,21 +49,26 @@ class Linearity:
             for a in range(0, len(block), PART)
             for i in _rows(*(x[a : a + PART] for x in (block.rows.a, e[:, 0], masses)))
         }
-        for i in sorted(rows | set(doubtful)):
-            if e[i].any():
-                self._looks.append(self._look(block, i, e[i], lam[i], masses[i]))
+        at = np.array([i for i in sorted(rows | set(doubtful)) if e[i].any()], int)
+        if len(at):
+            part = block[at]
+            self._looks += [*missed_shares(self._of, part, e[at], *nonlinear_forces(self._of, part, e[at], lam[at]))]
 
-    def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:
-        """Forces and constraints that are off (2,); forces and motion that the errors make (2,)."""
-        left, bent = nonlinear_forces(self._of, block, i, x, lam)
-        whole, own = (
-            [X[i] @ y for X, y in zip((block.M, block.D, block.K), x[::-1], strict=True)],
-            self._of.unknowns.own,
-        )
-        bent = in_motion(block.C[i], masses, bent)
-        motion = np.sqrt((x[0] ** 2 * masses).sum())
-        off, *forces = (_size(y[own], masses[own]) for y in (left, *whole))  # on vectors whatever is stiff is large
-        return (off, bent), (max(forces), motion)
+
+def missed_shares(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """Return sizes (T, 2, 2): of forces left (T, n_a) and constraints g (T, c) that are missed, of what errors make.
+
+    e (T, 3, n_a) : errors. Of forces |.|_{M^-1} but for vectors, of constraints the motion by which they are off,
+    both with the diagonal of M.
+    """
+    own, masses = of.unknowns.own, np.einsum("tii->ti", block.M)
+    masses = np.maximum(masses, masses.max(axis=1, keepdims=True) * np.finfo(float).eps)
+    whole = [times(X, e[:, k]) for X, k in ((block.M, 2), (block.D, 1), (block.K, 0))]
+    off, *forces = (_size(x[:, own], masses[:, own]) for x in (left, *whole))  # on vectors whatever is stiff is large
+    motion = np.sqrt((e[:, 0] ** 2 * masses).sum(axis=1))
+    reach = np.linalg.norm(block.C / np.sqrt(masses)[:, None], axis=2)
+    bent = np.abs(g / np.where(reach > 0, reach, 1.0)).max(axis=1, initial=0.0)
+    return np.stack([[off, bent], [np.max(forces, axis=0), motion]]).transpose(2, 0, 1)
 
 
 def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:
@@ -77,36 +82,22 @@ def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:
     return rows
 
 
-def nonlinear_forces(
-    of: Mechanism, block: Block, i: int, x: np.ndarray, lam: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return what linear equations miss in row i of forces (n_a,), in global axes, and of constraints (c,).
+def nonlinear_forces(of: Mechanism, block: Block, e: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what linear equations miss at rows: of forces (T, n_a), in global axes, and of constraints (T, c).
 
-    x (3, n_a), lam (c,) : errors there.
+    e (T, 3, n_a), lam (T, c) : errors there.
     """
-    u, others = of.unknowns, of.equations
-    t, q, v, a, forces = block.rows.row(i)
-    J, z = u.jacobians(q, v, a), u.in_body_axes(x, q)
-    moved = (
-        u.moved(q, x[0]),
-        v + J[0] @ z[1] + J[1] @ z[0],
-        a + J[0] @ z[2] + 2 * J[1] @ z[1] + J[2] @ z[0],
-    )
-    more = np.zeros_like(forces)
-    more[others.independent] = lam
-    here, g = others.moved_forces(t, (q, v, a), 0 * z[:, u.kept], forces)
-    there, moved_g = others.moved_forces(t, moved, z[:, u.kept], forces + more)
-    terms = [X[i] @ y for X, y in zip(block.rest, x[::-1], strict=True)]
-    left = u.in_global_axes(there - here, q) - sum(terms) - lam @ block.G[i]
-    return left, (moved_g - g)[others.independent] - block.C[i] @ x[0]
+    u, others, (t, q, v, a, forces) = of.unknowns, of.equations, vars(block.rows).values()
+    errors = [*np.moveaxis(e, 1, 0)]
+    kept, more = np.stack([x[:, u.kept] for x in errors], axis=1), np.zeros_like(forces)
+    more[:, others.independent] = lam
+    here, g = others.moved_forces(t, (q, v, a), 0 * kept, forces)
+    there, moved_g = others.moved_forces(t, u.moved((q, v, a), errors), kept, forces + more)
+    linear = sum(times(X, x) for X, x in zip(block.rest, errors[::-1], strict=True))
+    left = u.in_global_axes(there - here, q) - linear - times(block.G.swapaxes(1, 2), lam)
+    return left, (moved_g - g)[:, others.independent] - times(block.C, errors[0])
 
 
-def in_motion(C: np.ndarray, masses: np.ndarray, g: np.ndarray) -> float:
-    """Return the largest of constraints g (c,) as the least motion, by masses (n_a,), that C (c, n_a) sees so."""
-    reach = np.linalg.norm(C / np.sqrt(masses), axis=1)
-    return float(np.abs(g / np.where(reach > 0, reach, 1.0)).max(initial=0.0))
-
-
-def _size(forces: np.ndarray, masses: np.ndarray) -> float:
-    """|f|_{M^-1} with the diagonal of M."""
-    return float(np.sqrt((forces**2 / masses).sum()))
+def _size(forces: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """|f|_{M^-1} (T,) with the diagonal of M."""
+    return np.sqrt((forces**2 / masses).sum(axis=1))

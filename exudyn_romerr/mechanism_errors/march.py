@@ -34,6 +34,11 @@ class State:
     x: np.ndarray
     p: np.ndarray
 
+    @classmethod
+    def at_rest(cls, unknowns: Unknowns) -> State:
+        """Return one column that is zero."""
+        return cls(np.zeros((4, unknowns.n, 1)), np.zeros((4, len(unknowns.nodes), 4, 1)))
+
 
 def is_at_rest(rows: Rows) -> bool:
     """Whether the first row is an equilibrium, as a static solve leaves it; loads that begin suddenly are none."""
@@ -51,21 +56,29 @@ class March:
         self.state: State | None = None
 
     def through(
-        self, block: Block, factors: Factors, f: np.ndarray, before: State | None = None
+        self,
+        block: Block,
+        factors: Factors,
+        f: np.ndarray,
+        before: State | None = None,
+        of_constraints: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """March a block; its very first row begins the march, or goes on from a state before.
+
+        of_constraints (T, c, columns) : what C e is to be; None: zero.
 
         Returns
         -------
         e (T, 3, n, columns), lam (T, c, columns)
         """
+        g = np.zeros((len(f), block.C.shape[1], f.shape[2])) if of_constraints is None else of_constraints
         if self.state is not None:
-            return self(block, factors, f)
+            return self(block, factors, f, g)
         if before is None:
             begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
         else:
             begun = self.go_on(block, f[0], before)
-        return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:]), strict=True)))
+        return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:], g[1:]), strict=True)))
 
     def go_on(self, block: Block, f: np.ndarray, before: State) -> tuple[np.ndarray, np.ndarray]:
         """First row under f (n, columns) of a run that begins where another has ended: accelerations anew.
@@ -121,8 +134,8 @@ class March:
         self.state = State(states, p)
         return states[None, :3], z[None, n_a:]
 
-    def __call__(self, block: Block, factors: Factors, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """March the rows of a block under f (T, n, columns).
+    def __call__(self, block: Block, factors: Factors, f: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """March the rows of a block under f (T, n, columns), with C e = g (T, c, columns).
 
         Returns
         -------
@@ -131,21 +144,23 @@ class March:
         T, n, columns = f.shape
         e, lam = np.empty((T, 3, n, columns)), np.empty((T, block.C.shape[1], columns))
         if loops is not None:
-            self._march_compiled(block, factors, f, e, lam)
+            self._march_compiled(block, factors, f, g, e, lam)
             return e, lam
         for i in range(T):
-            e[i], lam[i] = self._step(block, factors, i, f[i])
+            e[i], lam[i] = self._step(block, factors, i, f[i], g[i])
         return e, lam
 
-    def _step(self, block: Block, factors: Factors, i: int, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Go on to row i under f (n, columns); return e (3, n, columns), lam (c, columns)."""
+    def _step(
+        self, block: Block, factors: Factors, i: int, f: np.ndarray, g: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Go on to row i under f (n, columns), C e = g; return e (3, n, columns), lam (c, columns)."""
         u, s, n_a, turns = self._unknowns, self._scheme, self._unknowns.n_a, factors.turns[i]
         h, c1, c2, flat = factors.h[i], factors.c1[i], factors.c2[i], (-1, f.shape[1])
         (q, v, carried), (P, P1, carried_p) = (predicted(x, h, s) for x in (self.state.x, self.state.p))
         nu = -turns.p[:, :, None] * np.einsum("ki,kic->kc", turns.p, P)[:, None]
         q[u.turns], v[u.turns] = (turns.H @ P).reshape(flat), (turns.H @ P1 + turns.H1 @ (P + nu)).reshape(flat)
         a0 = (2 * turns.H1 @ (P1 + c2 * nu) + turns.H2 @ (P + nu)).reshape(flat)
-        r = np.concatenate([f[:n_a] - block.K[i] @ q[:n_a] - block.D[i] @ v[:n_a], -block.C[i] @ q[:n_a]])
+        r = np.concatenate([f[:n_a] - block.K[i] @ q[:n_a] - block.D[i] @ v[:n_a], g - block.C[i] @ q[:n_a]])
         r[:n_a] -= block.M[i][:, u.turns] @ a0
         for S, x in zip(block.sampled, self.state.x, strict=False):
             r[:n_a] -= S[i] @ x[:n_a]
@@ -169,13 +184,15 @@ class March:
         self.state = State(x, p)
         return x[:3], small[n_a:]
 
-    def _march_compiled(self, block: Block, factors: Factors, f: np.ndarray, e: np.ndarray, lam: np.ndarray) -> None:
+    def _march_compiled(
+        self, block: Block, factors: Factors, f: np.ndarray, g: np.ndarray, e: np.ndarray, lam: np.ndarray
+    ) -> None:
         """The same in C, into e and lam."""
         u, s = self._unknowns, self._scheme
         x, p = self.state.x.copy(), self.state.p.copy()
         arrays = (
             *(factors.h, factors.c1, factors.c2, block.M, block.D, block.K, block.C),
-            *(factors.inverse, np.array(block.sampled), factors.turns.packed(), f),
+            *(factors.inverse, np.array(block.sampled), factors.turns.packed(), f, g),
         )
         T, n, columns = f.shape
         loops.march_mechanism(

@@ -1,7 +1,9 @@
 """What linear equations miss of joints, springs and other bodies, as forces to be marched beside the error itself.
 
-Tangents are splined between rows in which they were read: half way between these they are farthest off. There
-Exudyn's own forces under q + e tell by how much, and a march what comes of it.
+Exudyn's own forces and constraints under q + e tell by how much, and a march what comes of it. A few rows show
+whether that counts: where errors are largest and, for bounds, half way between rows in which tangents were read,
+where splines are farthest off. Where it counts all rows are asked, and what comes of it is added to the error; what
+is missed then is less by as much as errors are small.
 """
 
 from __future__ import annotations
@@ -13,48 +15,112 @@ import numpy as np
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
-from .factors import factors_of
+from .factors import Factors, factors_of
 from .half_widths import Largest
-from .linearity import PART, in_motion, nonlinear_forces
-from .march import March
+from .linearity import LEAST, PART, missed_shares, nonlinear_forces
+from .march import March, State
 
 MOST = 32  # rows of a block that are looked at
+# of forces or motions of errors, if more is missed it is added: half widths know of the second, of the first bounds
+# would take a margin that is wide; with more than MUCH errors are not small, and what is added may grow
+FOR_BOUNDS, COUNTS, MUCH = 1 / 2048, 1 / 50, 1 / 4
 
 
 class MissedForces:
-    """Looks half way between readings, and where the error of each part of a block is largest.
+    """Marches what linear equations miss, block after block.
 
-    of_constraints : what is missed of constraints, as a share of the error's motion, at most.
+    second_order (2,) : what is missed of constraints in the end, as a share of the error's motion, and how far errors
+    turn a node, rad; the largest of both.
     """
 
-    def __init__(self, of: Mechanism):
-        self._of, self.of_constraints = of, 0.0
+    def __init__(self, of: Mechanism, for_bounds: bool):
+        self._of, self._for_bounds, self.second_order, self._most = of, for_bounds, np.zeros(2), 0.0
+        self._added, self._rest = (March(of.unknowns, of.scheme) for _ in range(2))
 
-    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """Return kicks (T, n) in a block that begins with row `first`, under errors e (T, 3, n), lam (T, c)."""
-        u, x = self._of.unknowns, e[:, :, : self._of.unknowns.n_a]
-        squares, kicks = np.einsum("ti,ti->t", times(block.M, x[:, 0]), x[:, 0]), np.zeros((len(block), u.n))
-        rows = [i for i in self._rows(first, squares) if e[i, 0].any()]
-        if not rows:
-            return kicks
-        found = []
-        for i in rows:
-            left, g = nonlinear_forces(self._of, block, i, x[i], lam[i])
-            found.append(-left)
-            masses = np.maximum(np.diag(block.M[i]), np.finfo(float).tiny)
-            motion = np.sqrt(max(squares[i], np.finfo(float).tiny))
-            self.of_constraints = max(self.of_constraints, in_motion(block.C[i], masses, g) / motion)
-        every = np.arange(len(block))
-        kicks[:, : u.n_a] = np.transpose([np.interp(every, rows, y) for y in np.transpose(found)])
+    @property
+    def end(self) -> State | None:
+        """The state after the last row of what is added to errors; None: nothing was."""
+        return self._added.state
+
+    def take(
+        self, block: Block, factors: Factors, first: int, e: np.ndarray, lam: np.ndarray
+    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray] | None]:
+        """Go on through a block that begins with row `first`, under errors e (T, 3, n), lam (T, c).
+
+        Returns
+        -------
+        kicks (T, n) to be added; what comes of them (T, 3, n), (T, c); for bounds the same of what is still missed
+        """
+        kicks, g = np.zeros((len(block), self._of.unknowns.n)), np.zeros(lam.shape)
+        rows, added = self._rows(block, first, e), (np.zeros(e.shape), np.zeros(lam.shape))
+        missed = self._missed(block, rows, e, lam)
+        share, counts = self._shares(block, rows, e, missed).max(), FOR_BOUNDS if self._for_bounds else COUNTS
+        if self.end is not None or counts < share < MUCH:
+            every = np.arange(int(first == 0) if share < MUCH else len(block), len(block))  # not how a run begins
+            kicks[every], g[every] = self._missed(block, every, e, lam)
+            if first and self.end is None:
+                self._added.state = State.at_rest(self._of.unknowns)
+            added = self._added.through(block, factors, kicks[..., None], of_constraints=g[..., None])
+            added = [x[..., 0] for x in added]
+            if self._for_bounds:
+                e, lam = (x + y for x, y in zip((e, lam), added, strict=True))
+                missed = [x - y[rows] for x, y in zip(self._missed(block, rows, e, lam), (kicks, g), strict=True)]
+        return kicks, added, self._beside(block, factors, first, rows, e, missed) if self._for_bounds else None
+
+    def _beside(
+        self,
+        block: Block,
+        factors: Factors,
+        first: int,
+        rows: np.ndarray,
+        e: np.ndarray,
+        missed: tuple[np.ndarray, np.ndarray],
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What comes of forces that are missed in a few rows, and of second order."""
+        turns = e[:, 0, self._of.unknowns.turns].reshape(len(e), -1, 3)
+        now = self._shares(block, rows, e, missed)[1], np.linalg.norm(turns, axis=2).max(initial=0.0)
+        self.second_order = np.maximum(self.second_order, now)
+        between = np.zeros((len(block), self._of.unknowns.n, 1))
+        if len(rows):
+            every = np.arange(len(block))
+            between[..., 0] = np.transpose([np.interp(every, rows, y) for y in missed[0].T])
         if first == 0:
-            kicks[0] = 0.0  # whether a run begins in an equilibrium is not theirs to say
-        return kicks
+            between[0] = 0.0
+        return self._rest.through(block, factors, between)
 
-    def _rows(self, first: int, squares: np.ndarray) -> list[int]:
-        T, between = len(squares), [(a + b) // 2 - first for a, b in pairwise(self._of.readings.at) if b > a + 1]
+    def _missed(
+        self, block: Block, rows: np.ndarray, e: np.ndarray, lam: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Kicks (rows, n) and what constraints (rows, c) shall see, for what linear equations miss."""
+        u, kicks, g = self._of.unknowns, np.zeros((len(rows), e.shape[2])), np.zeros((len(rows), lam.shape[1]))
+        if len(rows):
+            left, bent = nonlinear_forces(self._of, block[rows], e[rows, :, : u.n_a], lam[rows])
+            kicks[:, : u.n_a], g = -left, -bent
+        return kicks, g
+
+    def _shares(
+        self, block: Block, rows: np.ndarray, e: np.ndarray, missed: tuple[np.ndarray, np.ndarray]
+    ) -> np.ndarray:
+        """Largest shares (2,) of forces and of motions that errors make."""
+        if not len(rows):
+            return np.zeros(2)
+        own = slice(self._of.unknowns.n_a)
+        sizes = missed_shares(self._of, block[rows], e[rows, :, own], missed[0][:, own], missed[1])
+        off, whole = sizes.swapaxes(0, 1)
+        self._most = np.maximum(self._most, whole.max(axis=0))
+        whole = np.maximum(whole, LEAST * self._most)
+        return (off / np.where(whole > 0, whole, np.inf)).max(axis=0)
+
+    def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
+        """Rows of a block that are looked at: where there are errors."""
+        T, x = len(block), e[:, 0, : self._of.unknowns.n_a]
+        squares = np.einsum("ti,ti->t", times(block.M, x), x)
+        readings = self._of.readings.at if self._for_bounds else ()
+        between = [(a + b) // 2 - first for a, b in pairwise(readings) if b > a + 1]
         between = [i for i in between if 0 <= i < T]
         largest = {a + int(np.argmax(squares[a : a + PART])) for a in range(0, T, PART)}
-        return sorted({*between[:: 1 + len(between) // MOST], *largest})
+        rows = sorted({*between[:: 1 + len(between) // MOST], *largest})
+        return np.array([i for i in rows if e[i, 0].any()], int)
 
 
 class MissedFeedback:
@@ -70,8 +136,8 @@ class MissedFeedback:
     def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
         """Go on through a block that begins with row `first`, under errors e (T, 3, n_a), lam (T, c)."""
         of, block, kicks = self._of, block.as_if_at_once(), np.zeros((len(block), self._of.unknowns.n, 1))
-        for i in range(first == 0, len(block)):
-            kicks[i, : of.unknowns.n_a, 0] = -nonlinear_forces(of, block, i, e[i], lam[i])[0]
+        every = slice(int(first == 0), None)
+        kicks[every, : of.unknowns.n_a, 0] = -nonlinear_forces(of, block[every], e[every], lam[every])[0]
         h = np.diff(block.rows.t, prepend=self._before if first else block.rows.t[0] - 1.0)
         self._before = block.rows.t[-1]
         d, forces = self._march.through(block, factors_of(block, h, of.unknowns, of.scheme), kicks)

@@ -33,7 +33,7 @@ class Marched:
 
     of_modes (T, n) : f without what deforms rigid interfaces. factors : of the march.
     missed (T, R) : what comes of forces that linear equations miss, in outputs; None: that was not asked.
-    of_constraints : see MissedForces.
+    second_order : see MissedForces.
     """
 
     block: Block
@@ -43,16 +43,16 @@ class Marched:
     of_modes: np.ndarray
     factors: Factors
     missed: np.ndarray | None = None
-    of_constraints: float = 0.0
+    second_order: np.ndarray | None = None
 
 
 class Modes:
-    """Marches block after block. now : the last block. missed : what linear equations miss, if that is asked.
+    """Marches block after block. now : the last block.
 
     squares : of each body, the sum over rows of x x^T (m, m), x what errors have of its vectors.
     """
 
-    def __init__(self, of: Mechanism, before: EndState | None, asks_missed: bool = False):
+    def __init__(self, of: Mechanism, before: EndState | None, for_bounds: bool = False):
         self._of, self._before, self._goes_on = of, None, before
         self.is_rigid = of.is_rigid
         self._parts = len(PARTS) if self.is_rigid else OF_MODES
@@ -62,7 +62,8 @@ class Modes:
         self._last: np.ndarray | None = None  # sums of parts in the row before, (3, n, wanted)
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
-        self.missed = MissedForces(of) if asks_missed else None
+        self._for_bounds = for_bounds
+        self._missed = None if of.readings.splined.is_sampled else MissedForces(of, for_bounds)
         self.squares = [0.0] * len(of.unknowns.bodies)
 
     def take(self, block: Block, first: int) -> None:
@@ -77,12 +78,15 @@ class Modes:
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         felt = self._without_sampled(block, sums[0], sums[1])
         left = [unbalanced(block, u, *(x[..., k] for x in (felt, *sums[1:])))[0] for k in range(len(self._wanted))]
-        if self.missed:
-            left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
         d, dlam = self._second.through(block, factors, np.stack(left, -1), before[1])
-        (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
-        whole, forces = sums[1] + d, sums[2] + dlam
-        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
+        whole, forces, f, beside = sums[1] + d, sums[2] + dlam, sums[0][..., -1], {}
+        if self._missed:
+            given = (x[..., -1] for x in sums[1:])
+            kicks, added, of_rest = self._missed.take(block, factors, first, *given)
+            whole, forces = (x + y[..., None] for x, y in zip((whole, forces), added, strict=True))
+            f = f + kicks
+            beside = {"missed": of_rest} if self._for_bounds else {}
+        self.now = Marched(block, f, whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
         for b, own in enumerate(u.of_vectors()):
             x = whole[:, 0, own, -1]
             self.squares[b] = self.squares[b] + x.T @ x
@@ -95,7 +99,7 @@ class Modes:
             whole=(whole, forces),
             change=(d[..., :1], dlam[..., :1]),
             steps=(off, off_lam),
-            missed=(beside, forces_beside),
+            **beside,
         )
         self._keep(shown, changed)
 
@@ -120,8 +124,8 @@ class Modes:
 
     def _keep(self, shown: dict[str, np.ndarray], changed: float) -> None:
         """Keep estimates over time, and the largest of what tells how far they are off."""
-        if self.missed:
-            self.now.missed, self.now.of_constraints = shown["missed"][..., 0], self.missed.of_constraints
+        if "missed" in shown:
+            self.now.missed, self.now.second_order = shown["missed"][..., 0], self._missed.second_order
         z, parts = shown["whole"], dict(zip(PARTS, np.moveaxis(shown["parts"], -1, 0), strict=False))
         self._largest.add(modes=z[..., 0], last=parts["last third"], second=parts["second third"])
         self._largest.add(change=shown["change"][..., 0] * changed, steps=shown["steps"][..., 0] / TWICE_THE_STEP)
@@ -152,8 +156,10 @@ class Modes:
     @property
     def end(self) -> tuple[State, State]:
         """The states of parts and corrections after the last row."""
-        corrections, count = self._second.state, len(self._wanted)
-        return self._first.state, State(corrections.x[..., :count], corrections.p[..., :count])
+        corrections, added = self._second.state, self._missed and self._missed.end
+        if added is not None:
+            corrections = State(corrections.x + added.x, corrections.p + added.p)
+        return self._first.state, corrections
 
     def _kicks(self, block: Block) -> np.ndarray:
         """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""

@@ -40,14 +40,11 @@ class SmallMechanism:
         reference = self.small.body.place.reference[3:]
         spin = rng.normal(size=3) * turns * 5.0
 
-        def parameters(s):
-            return turned_parameters(np.tile(reference, (T, 1)), (t + s)[:, None] * spin)
-
-        dt = 1e-4
-        p = [parameters(s) for s in (-dt, 0.0, dt)]
+        turn = [t[:, None] * spin, np.tile(spin, (T, 1)), np.zeros((T, 3))]
+        still = np.tile(reference, (T, 1))
         part = slice(3, 7)
-        q[:, part], v[:, part] = p[1] - reference, (p[2] - p[0]) / (2 * dt)
-        a[:, part] = (p[0] + p[2] - 2 * p[1]) / dt**2
+        p, v[:, part], a[:, part] = turned_parameters([still, 0 * still, 0 * still], turn)
+        q[:, part] = p - reference
         return Rows(t, q, v, a, rng.normal(size=(T, 1)))
 
     def _reading(self, rng):

@@ -39,10 +39,24 @@ def test_a_small_rotation_is_one_of_the_parameters():
 
 
 def test_a_finite_rotation_keeps_their_length():
-    moved = turned_parameters(P, PHI)
-    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), 1.0, atol=1e-14)
-    np.testing.assert_allclose(rotation_matrix(moved), exponential(PHI) @ rotation_matrix(P), atol=1e-14)
+    phi = 0.5 * PHI / np.linalg.norm(PHI, axis=1, keepdims=True).max()
+    (moved,) = turned_parameters([P], [phi])
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), 1.0, atol=2e-10)  # (0.5 / 2)^8 / 8! of the series
+    np.testing.assert_allclose(rotation_matrix(moved), exponential(phi) @ rotation_matrix(P), atol=1e-9)
     np.testing.assert_array_equal(moved[-1], P[-1])
+
+
+def test_rates_of_a_finite_rotation_are_derivatives():
+    rng, dt = np.random.default_rng(3), 1e-3
+    p, phi = rng.normal(size=(3, 6, 4)), 0.3 * rng.normal(size=(3, 6, 3))
+    found = turned_parameters(p, phi)
+
+    def at(s):
+        return turned_parameters(*([x[0] + s * x[1] + s**2 / 2 * x[2]] for x in (p, phi)))[0]
+
+    before, now, after = (at(s) for s in (-dt, 0.0, dt))
+    np.testing.assert_allclose(found[1], (after - before) / (2 * dt), rtol=0, atol=1e-5)  # dt^2 of third derivatives
+    np.testing.assert_allclose(found[2], (after - 2 * now + before) / dt**2, rtol=0, atol=1e-5)
 
 
 def test_products_of_stacks():

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from exudyn_romerr.mechanism.rotations import rotation_matrix
+from tests.helpers.small_body import on_its_screw
 from tests.helpers.small_mechanism import SmallMechanism
 
 
@@ -27,8 +29,20 @@ def test_finite_motions_begin_as_small_ones():
     J = u.jacobians(rows.q, rows.v, rows.a)[0]
     dq = (J @ u.in_body_axes(z, rows.q)[..., None])[..., 0]
     for share, within in ((1e-3, 1e-3), (1e-4, 1e-4)):  # the second order is a share of the first
-        moved = u.moved(rows.q, share * z) - rows.q
+        moved = u.moved([rows.q], [share * z])[0] - rows.q
         np.testing.assert_allclose(moved / share, dq, rtol=0, atol=5 * within * np.abs(dq).max())
+
+
+def test_frames_move_along_their_screws():
+    u, rows = moving()
+    z = 0.1 * np.random.default_rng(1).normal(size=(len(rows), u.n_a))
+    (moved,) = u.moved([rows.q], [z])
+    places, turns = u.nodes[0].own[:3], u.nodes[0].own[3:]
+    for i, (q, p) in enumerate(zip(rows.q, moved, strict=True)):
+        A, shift = on_its_screw(z[i])
+        np.testing.assert_allclose(p[places] - q[places], shift, atol=1e-12)
+        before, after = (rotation_matrix(u.nodes[0].reference[3:] + x[turns]) for x in (q, p))
+        np.testing.assert_allclose(after, A @ before, atol=1e-12)
 
 
 def test_rates_of_jacobians_are_those_of_parameters():

@@ -16,6 +16,7 @@ from exudyn_romerr.mbs.mirror.told_solve import BOUNDS, Asked, told_solve
 from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.mechanism_bounds import bounds, proved_widths
 from exudyn_romerr.mechanism_bounds.residual_norm import ResidualNorm
+from exudyn_romerr.mechanism_errors import missed
 from models import floating
 
 NODES = range(0, 65, 4)
@@ -113,9 +114,12 @@ def test_a_bound_that_lacks_a_part_of_the_residual_is_none(pendulum, monkeypatch
     assert least(estimate, bound, error) < 1
 
 
-@pytest.mark.parametrize("seed", [10, 18, 28, 65, 102, 108])
+@pytest.mark.parametrize("seed", [10, 18, 28, 65, 102, 106, 108])
 def test_what_splines_miss_is_in_the_bound(seed):
-    """Tangents are read in few rows: alone the residual of the mesh is 1e-5 to 0.05 of the error too small here."""
+    """Tangents are read in few rows: alone the residual of the mesh is 1e-5 to 0.05 of the error too small here.
+
+    In 106 it is 3e-4, of how far errors turn nodes in a step.
+    """
     one = told_and_true.of_seed(seed)
     assert sum(np.isfinite(value["bound"]) for value in one["bounds"]) >= 9
     assert not list(table.below([one]))
@@ -124,8 +128,24 @@ def test_what_splines_miss_is_in_the_bound(seed):
 def test_without_what_is_missed_there_are_errors_above(monkeypatch):
     """The case above is one: seed 102, mutated."""
     monkeypatch.setattr(proved_widths, "MISSED", 0.0)
-    monkeypatch.setattr(proved_widths, "OF_CONSTRAINTS", 0.0)
+    monkeypatch.setattr(proved_widths, "SECOND_ORDER", np.zeros(2))
     assert list(table.below([told_and_true.of_seed(102)]))
+
+
+def test_what_is_of_second_order_is_added_where_it_counts(monkeypatch):
+    """Of joints that errors turn: without it estimates are 2 to 8 % off, and bounds twice as far from errors."""
+
+    def worst():
+        one = told_and_true.of_seed(151)
+        modes = (x for x in one["records"] if x["cause"] == "modes" and x["true"] > 10 * x["unsure"])
+        bounds = (x["bound"] / x["true"] for x in one["bounds"] if x["of"] == "displacement")
+        return max(x["off"] / x["true"] for x in modes), max(bounds)
+
+    off, ratio = worst()
+    monkeypatch.setattr(missed, "FOR_BOUNDS", np.inf)
+    off_without, ratio_without = worst()
+    assert off < 0.01 < 0.05 < off_without
+    assert ratio < 1.6 < 2.5 < ratio_without
 
 
 def test_a_mechanism_that_rests_and_is_free_to_move():

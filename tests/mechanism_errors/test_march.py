@@ -18,8 +18,9 @@ from tests.helpers.small_mechanism import H, SmallMechanism
 SCHEME = Scheme.of_radius(0.6)
 
 
-def marched(mechanism, f, cuts=(), rests=False):
-    """E (T, 3, n, columns) and lam (T, c, columns) of a march in pieces."""
+def marched(mechanism, f, cuts=(), rests=False, g=None):
+    """E (T, 3, n, columns) and lam (T, c, columns) of a march in pieces, with constraints C e = g."""
+    g = np.zeros((len(f), 1, f.shape[2])) if g is None else g
     march, found = March(mechanism.unknowns, SCHEME), []
     whole = block_of(mechanism.rows, mechanism.unknowns, mechanism.rest)
     h = np.full(len(f), H)
@@ -27,7 +28,7 @@ def marched(mechanism, f, cuts=(), rests=False):
     found.append(march.begin(whole, f[0], rests))
     edges = [1, *cuts, len(f)]
     for a, b in pairwise(edges):
-        found.append(march(whole[a:b], factors[a:b], f[a:b]))
+        found.append(march(whole[a:b], factors[a:b], f[a:b], g[a:b]))
     return tuple(np.concatenate(x) for x in zip(*found, strict=True))
 
 
@@ -58,10 +59,13 @@ def test_every_row_obeys_the_equations(turns, samples):
     mechanism = SmallMechanism(turns=turns, samples=samples)
     assert len(mechanism.rest.sampled(mechanism.rows)) == 2 * samples
     f = kicks(mechanism, 2)
-    e, lam = marched(mechanism, f)
+    there = 1e-6 * np.random.default_rng(5).normal(size=(len(f), 1, 2))
+    there[0] = 0.0
+    e, lam = marched(mechanism, f, g=there)
     r, g = left(mechanism, f, e, lam)
     assert np.abs(r).max() < 1e-8 * np.abs(f).max()  # rounding of terms that are 1e5 times as large
-    assert np.abs(g).max() < 1e-10 * np.abs(e[:, 0]).max()
+    assert 1e-3 * np.abs(e[:, 0]).max() < np.abs(there).max()
+    np.testing.assert_allclose(g, there, rtol=0, atol=1e-10 * np.abs(e[:, 0]).max())
 
 
 def test_without_rotation_it_is_newmarks():
@@ -103,10 +107,11 @@ def test_compiled_and_numpy_are_one(columns, samples, monkeypatch):
     mechanism = SmallMechanism(samples=samples)
     f = kicks(mechanism, columns)
     f[:, :, 0] *= 1e-305
-    fast = marched(mechanism, f)
+    g = 1e-6 * np.ones((len(f), 1, columns)) * f[:, :1]
+    fast = marched(mechanism, f, g=g)
     for each in (module, of_factors, tangents):
         monkeypatch.setattr(each, "loops", None)
-    slow = marched(mechanism, f)
+    slow = marched(mechanism, f, g=g)
     for one, two in zip(fast, slow, strict=True):
         for column in range(columns):
             scale = np.abs(two[..., column]).max()
@@ -124,12 +129,13 @@ def test_a_run_that_goes_on_is_one_run():
     whole = block_of(mechanism.rows, mechanism.unknowns, mechanism.rest)
     factors = factors_of(whole, np.full(40, H), mechanism.unknowns, SCHEME)
     march.begin(whole, f[0], False)
-    march(whole[1:21], factors[1:21], f[1:21])
+    none = np.zeros((40, 1, 1))
+    march(whole[1:21], factors[1:21], f[1:21], none[1:21])
     before, march = march.state, March(mechanism.unknowns, SCHEME)
     begun, _ = march.go_on(whole[20:], f[20], before)
     np.testing.assert_allclose(begun[0, :2], e[20, :2], rtol=0, atol=1e-12 * np.abs(e).max())
     np.testing.assert_allclose(begun[0, 2], e[20, 2], rtol=0, atol=0.05 * np.abs(e[:, 2]).max())
-    on, _ = march(whole[21:], factors[21:], f[21:])
+    on, _ = march(whole[21:], factors[21:], f[21:], none[21:])
     np.testing.assert_allclose(on[:, 0], e[21:, 0], rtol=0, atol=0.02 * np.abs(e[:, 0]).max())
 
 
@@ -138,7 +144,7 @@ def test_wrong_sizes_are_refused():
     mechanism = SmallMechanism()
     with pytest.raises((ValueError, TypeError)):
         loops.march_mechanism(
-            (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 11, (np.zeros(1),) * 4
+            (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
         loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 10, np.zeros(4), np.zeros(4))

@@ -189,12 +189,12 @@ class HollowCopy:
         return times_transposed(self.jacobians(*states)[0], forces)
 
     def moved_forces(
-        self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
+        self, t: np.ndarray, states: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
-        states = [self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)]
-        forces, g = self._unbalanced(np.array([t]), states, lam[None], at_once=True)
-        return self.jacobians(*states)[0, 0].T @ forces[0], g[0]
+        """Return M a - f + G^T lam (T, n_a) in axes of bodies, g (T, all); kept (T, 3, kept) : beside q, v, a."""
+        wide = [self.wide(x, y) for x, y in zip(states, np.moveaxis(kept, 1, 0), strict=True)]
+        forces, g = self._unbalanced(t, wide, lam, at_once=True)
+        return times_transposed(self.jacobians(*wide)[0], forces), g
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
