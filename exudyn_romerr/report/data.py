@@ -239,6 +239,7 @@ class ReportData:
     origin: str = ""
     uncertified: tuple[Doubt, ...] = ()
     modes: Any = None
+    bodies: tuple[ReportData, ...] = ()
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:

@@ -15,13 +15,14 @@ from .table import (
     aligned,
     by_sensor,
     first_sentences,
+    has_numbers,
     how,
     reasons,
     size_in_words,
     summary,
     table,
 )
-from .verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
+from .verdicts import ALWAYS, CAUSES, Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -128,7 +129,7 @@ def text(judgement: Judgement, script: str, what_next: str = "") -> str:
     rows, lines = judgement.rows, []
     if rows:
         lines.append(summary(rows))
-    if any(verdict.how != NONE for row in rows for verdict in row.of.values()):
+    if has_numbers(rows):
         lines += [*first_sentences(rows), "", *_tables(rows, judgement)]
     lines += [*reasons(rows, script), *judgement.notes]
     is_unsure = any(row.answer in UNSURE for row in rows)

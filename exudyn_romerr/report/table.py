@@ -32,6 +32,11 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
+def has_numbers(rows: Sequence[Row]) -> bool:
+    """Return whether anything is known of an error."""
+    return any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
+
+
 def by_sensor(rows: Sequence[Row]) -> list[Row]:
     """Return of each sensor and solve the component whose error is the largest share of its tolerance.
 

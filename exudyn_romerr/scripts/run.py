@@ -144,7 +144,7 @@ def _name_units(solve: Solve, units: str) -> None:
     from ..report.data import name_units
 
     report = solve.report
-    for one in () if report is None else (report, *getattr(report, "bodies", ())):
+    for one in () if report is None else (report, *report.bodies):
         name_units(one.outputs.values(), units)
 
 

@@ -50,7 +50,7 @@ def arrays_of(report: ReportData) -> dict[str, np.ndarray]:
                 arrays[f"output/{i}/{kind}"] = getattr(out, kind)
         for kind in DICTS:
             arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
-    for i, body in enumerate(getattr(report, "bodies", ())):  # of a mechanism: whole reports
+    for i, body in enumerate(report.bodies):  # of a mechanism: whole reports
         arrays.update({f"body/{i}/{key}": x for key, x in arrays_of(body).items()})
     return arrays
 
