@@ -31,8 +31,7 @@ from exudyn_romerr.report.plots.style import (
     KINDS,
     LETTERS,
     LINES,
-    MARKERS,
-    STYLES,
+    LOOKS,
     WIDE,
     ends,
     isolated,
@@ -678,8 +677,8 @@ def test_report_saved_without_bounds_at_nodes_says_so():
 
 def test_every_estimator_has_a_look_of_its_own_in_grey():
     names = set(COLOURS) - {"value", "error", "estimate", "tolerance"}
-    assert names == set(STYLES) == set(MARKERS)
-    looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
+    assert names == set(LOOKS)
+    looks = [LOOKS[e][1:] for e in names - {"static"}]  # which is never beside the others
     assert len(set(looks)) == len(looks)
 
 

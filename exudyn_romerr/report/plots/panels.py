@@ -14,7 +14,7 @@ from ..data import is_beside
 from ..report_rows import limit_of
 from ..wording import for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
-from .style import LETTER, LETTERS, SIZE, new_figure, of_one_size, put_legend, save
+from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save
 
 if TYPE_CHECKING:
     from ..answers import Tolerances
@@ -138,7 +138,7 @@ def _framed(
 
     The notes: what bounds leave out, why they are not certified, what is not drawn.
     """
-    figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
+    put_title(figure, title)
     doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.outputs[name].uncertified)
     condition = for_run_alone(report.scope)
     notes = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}", left_out]
