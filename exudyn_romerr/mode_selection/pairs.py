@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..report.answers import Answer, worst
-from ..report.cures import LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
-from ..report.verdicts import CAUSES, NONE
+from ..report.cures import CAUSES, LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
+from ..report.verdicts import NONE
 from .search import cheapest
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from .answers import Answer, worst
+from .cures import ALWAYS, CAUSES
 from .data import is_beside
 from .report_rows import limit_of, rows_of_output
 from .table import (
@@ -22,7 +23,7 @@ from .table import (
     summary,
     table,
 )
-from .verdicts import ALWAYS, CAUSES, Row, not_covered
+from .verdicts import Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -7,7 +7,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .answers import SHARE, Answer
-from .verdicts import CAUSES, MEASURED, NONE, Row
+from .cures import CAUSES
+from .verdicts import MEASURED, NONE, Row
 from .wording import digits, listed, percent, rounded_up
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from .verdicts import Verdict
 
-TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
+TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
 BESIDE = ("order", "noise", "estimated about")
 CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."

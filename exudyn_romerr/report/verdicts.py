@@ -10,10 +10,8 @@ import numpy as np
 
 from ..linear.estimators.causes import RESOLVED
 from .answers import Answer, worst
-from .cures import AGAIN, LOWEST_ORDER, SECOND_ORDER
+from .cures import AGAIN, CAUSES, LOWEST_ORDER, SECOND_ORDER
 
-CAUSES = ("modes", "interfaces", "step", "start")
-ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
 ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"
 COARSE = RESOLVED  # of what a sensor shows: an error of steps above it leaves nothing that could be judged
 TOO_COARSE = "steps resolve too little to tell it from their own error"

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.answers import Answer
-from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps, times_as_short
+from ..report.cures import AGAIN, CAUSES, SECOND_ORDER, Steps, shorter_steps, times_as_short
 from ..report.data import UNITS, extents, is_rate, units_of_length
 from ..report.verdicts import (
-    CAUSES,
     MEASURED,
     NONE,
     Row,
@@ -214,9 +213,9 @@ class _Component:
         if found is None:
             return self._unmeasured(cause)
         otherwise = 0.0 if cause == "modes" and self._is_by_call else largest(self._apart)
-        verdict = self._judged((found[0], found[1] + otherwise), limit, OF_CAUSES[cause])
+        verdict = self._judged((found[0], found[1] + otherwise), limit, CAUSES[cause].cure)
         differ = self._unsettled() if cause == "modes" else 0.0
-        return _at_least_apart(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
+        return _at_least_apart(verdict, differ, limit, UNSETTLED, CAUSES[cause].cure) if differ else verdict
 
     def _judged(self, found: tuple[np.ndarray, float], limit: float | None, cure: str = "") -> Verdict:
         time = float(self._signal.t[np.argmax(np.abs(found[0]))])
@@ -264,7 +263,7 @@ class _Component:
         apart = self._apart
         total, half = total + apart, half + largest(apart)  # that is at half the step; shorter ones may add as much
         cause = max(of, key=lambda cause: of[cause].most, default="modes")
-        return self._judged((total, half), limit, of[cause].cure or OF_CAUSES[cause] if of else "")
+        return self._judged((total, half), limit, of[cause].cure or CAUSES[cause].cure if of else "")
 
     def _at_least(self, causes: Iterable[Verdict], unknown: Verdict) -> Verdict:
         """The whole where one cause is not known: at least as large as the largest that is known."""

@@ -18,9 +18,9 @@ from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
 from ..report.answers import SHARE, STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of
+from ..report.cures import CAUSES
 from ..report.formats.atomic_write import write_whole
 from ..report.table import aligned
-from ..report.verdicts import CAUSES
 from ..report.wording import digits, rounded_up
 from .child_run import Request, Result, run_child
 from .execute import check_script

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
+from ..cures import CAUSES
 from ..table import TITLES, by_sensor
-from ..verdicts import CAUSES
 from ..wording import axis_label
 from .style import (
     CAUSE_STYLES,
