@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,13 +16,13 @@ from ..checks import check_choice
 from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
-from ..report.answers import SHARE, STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of
+from ..report.answers import SHARE, Answer, Tolerances, tolerances_of
 from ..report.cures import CAUSES
-from ..report.formats.atomic_write import write_whole
-from ..report.table import aligned
+from ..report.table import TITLES, aligned
 from ..report.wording import digits, rounded_up
 from .child_run import Request, Result, run_child
 from .execute import check_script
+from .files import Answered
 
 RUNS = 6  # at most, the script's own one with them
 FURTHER = 8  # modes beyond those of a run, of which it forecasts errors
@@ -33,7 +32,6 @@ TIMES = (1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8)  # the tolerance: what else a run time
 NO_CALL = "no call of the script's that makes modes of its bodies has a number to vary: the step alone is looked at"
 NO_STEP = "no dynamic solve with fixed steps: modes alone are looked at"
 STILL = "not looked at, for they show 0 throughout: {}"
-TITLE = {"interfaces": "rigid interfaces"}
 CURES = {
     "modes": "too few modes, or too few kinds of them",
     "interfaces": "rigid interfaces alone, which no number of modes and no step cures: RBE3 modes do",
@@ -43,7 +41,7 @@ CURES = {
 
 
 @dataclass
-class Tuning:
+class Tuning(Answered):
     """What `tune` found; print it.
 
     Attributes
@@ -77,17 +75,12 @@ class Tuning:
         """That of the run found, or of the closest."""
         return self.closest.answer
 
+    overall = answer
+
     @property
     def all_seconds(self) -> float:
         """CPU time of all runs, and of what was told of them."""
         return sum(run.all_seconds for run in self.runs)
-
-    @property
-    def status(self) -> int:
-        """Exit status: 0, or with a tolerance that of the answer; 2: one of a sensor that there is not."""
-        if not self.tolerances.is_given:
-            return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.answer]
 
     @cached_property
     def table(self) -> list[dict[str, Any]]:
@@ -137,11 +130,6 @@ class Tuning:
             "cpu_s": self.all_seconds,
         }
         return {"script": self.script, **known, **said, "version": __version__}
-
-    def save(self, path: str | os.PathLike) -> None:
-        """Write the table as JSON; InputError if the file cannot be written."""
-        text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
-        write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))
 
     def plot(self, path: str | os.PathLike) -> Any:
         """Draw errors beside their tolerances against CPU time, the pair found marked; return the figure."""
@@ -211,7 +199,7 @@ class Tuning:
             "modes",
             "steps",
             "CPU s",
-            *(f"{TITLE.get(c, c)} about" for c in causes),
+            *(f"{TITLES[c]} about" for c in causes),
             "whole about",
             "of its tolerance",
             "at",
