@@ -17,8 +17,7 @@ from exudyn_romerr.mbs.monitoring.body_monitor import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
-from exudyn_romerr.mode_selection.mode_choice import ModeChoice
-from exudyn_romerr.mode_selection.tried_run import TriedRun
+from exudyn_romerr.mode_selection.mode_choice import ModeChoice, TriedRun
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined

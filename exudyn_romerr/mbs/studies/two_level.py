@@ -11,7 +11,7 @@ from ...checks import check_choice, check_count
 from ...errors import InputError
 from ...linear.estimators.causes import RESOLVED
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
-from ...mode_selection.tried_run import outputs_of
+from ...mode_selection.mode_choice import outputs_of
 from ...report.scope import COUPLED, FROZEN
 from ...report.wording import (
     NOT_THE_MECHANISM,
