@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linear.estimators.causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
-from .answers import SHARE, Answer, Tolerance
+from .answers import Answer, Limit, Tolerances
 from .cures import ALWAYS, CAUSES, LOWEST_ORDER, SECOND_ORDER, Steps, cure_of, cure_of_bound
 from .data import is_beside, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
@@ -19,7 +19,6 @@ from .verdicts import (
     NONE,
     NONE_SUCH,
     TO_THE_END,
-    Limit,
     Reservation,
     Row,
     Verdict,
@@ -43,7 +42,6 @@ from .wording import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .answers import Tolerances
     from .data import OutputReport, ReportData
     from .scope import Doubt
 
@@ -69,13 +67,10 @@ def asked_for(report: ReportData, rows: Iterable[Row], tolerances: Tolerances | 
 
 def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:
     """Return what is small enough; a share is one of the largest component: small ones ask for no more."""
-    asked = None if tolerances is None else tolerances.of(out.name)
     shown = float(np.max(out.extents, initial=0.0))
-    if tolerances is not None and tolerances.is_given:
-        return Limit(None if asked is None else asked.of(shown), True)
-    if out.tolerance is not None:
+    if out.tolerance is not None and not (tolerances and tolerances.is_given):
         return Limit(out.tolerance, True)
-    return Limit(Tolerance(SHARE, True).of(shown), False)
+    return (tolerances or Tolerances()).limit(out.name, shown)
 
 
 def rows_of_output(report: ReportData, out: OutputReport, limit: Limit, solve: int = 0) -> list[Row]:
@@ -84,26 +79,13 @@ def rows_of_output(report: ReportData, out: OutputReport, limit: Limit, solve: i
     shown = float(extents.max())
     is_still = report.time == "static" and is_rate(out.of) and not early
     rows = []
-    for i, label in enumerate(out.row_names):
-        of = _Component(report, out, i, limit.size)
-        rows.append(
-            Row(
-                out.name,
-                i,
-                solve,
-                out.unit,
-                float(extents[i]),
-                shown,
-                judged_together(of.verdicts(), None if is_still else shown, limit.size),
-                of.certain_bound(),
-                _covered(report),
-                limit.size,
-                label=label,
-                axis=out.labels[i] if out.labels and out.labels[i] in AXES else "",
-                is_asked=limit.is_asked,
-                until=early,
-            )
-        )
+    for i in range(len(extents)):
+        found = _Component(report, out, i, limit.size)
+        of = judged_together(found.verdicts(), None if is_still else shown, limit.size)
+        beside = {"bound": found.certain_bound(), "scope": _covered(report), "until": early}
+        axis = out.labels[i] if out.labels and out.labels[i] in AXES else ""
+        row = Row(out.name, i, solve, out.unit, float(extents[i]), shown, of, limit, out.row_names[i], axis, **beside)
+        rows.append(row)
     return rows
 
 

@@ -98,7 +98,7 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
         *_enough(rows, what),
         *_list("No tolerance", [row for row in rows if row.answer is Answer.NO_TOLERANCE]),
     ]
-    is_assumed = any(not row.is_asked for row in rows)
+    is_assumed = any(not row.limit.is_asked for row in rows)
     assumed = f" ({100 * SHARE:g} % assumed; {how_to_ask})." if is_assumed else "."
     return " ".join(said).removesuffix(".") + assumed
 

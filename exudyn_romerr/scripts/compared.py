@@ -69,37 +69,23 @@ def disagreements(results: Mapping[str, Result]) -> list[str]:
 
 def rows_of_signal(signal: Signal, tolerances: Tolerances, length: str = "") -> list[Row]:
     """Return a row for every component of a sensor; length : the model's unit of it, if the user gave one."""
-    shown = extents(signal.of["unchanged"], signal.shows == MOVES)
-    tolerance = tolerances.of(signal.name)
-    limit = None if tolerance is None else tolerance.of(float(shown.max()))
-    shows = signal.shows.removesuffix("Local")
+    extent = extents(signal.of["unchanged"], signal.shows == MOVES)
+    shown = float(extent.max())
+    limit, shows = tolerances.limit(signal.name, shown), signal.shows.removesuffix("Local")
     unit = UNITS.get(shows) or units_of_length(length).get(shows.lower(), "")
-    return [_row(signal, c, shown, limit, tolerances.is_given, unit) for c in range(len(shown))]
-
-
-def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_asked: bool, unit: str) -> Row:
-    one, axis = _Component(signal, c), "xyz"[c] if len(shown) == 3 else ""
-    of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit)) is not None}
-    of["sum"] = one.whole(limit, of)
-    if signal.until and not signal.on_purpose:
-        of = of_a_run_cut_short(of, signal.until)
-    still = signal.is_static and is_rate(signal.shows) and not signal.until
-    return Row(
-        signal.name,
-        c,
-        signal.solve,
-        unit,
-        float(shown[c]),
-        float(shown.max()),
-        judged_together(of, None if still else float(shown.max()), limit),
-        tolerance=limit,
-        order=one.order,
-        noise=one.noise,
-        label=f"{signal.name} {axis}".rstrip(),
-        axis=axis,
-        is_asked=is_asked,
-        until=signal.until,
-    )
+    is_still = signal.is_static and is_rate(signal.shows) and not signal.until
+    rows = []
+    for c, axis in enumerate("xyz" if len(extent) == 3 else [""] * len(extent)):
+        one = _Component(signal, c)
+        of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit.size)) is not None}
+        of["sum"] = one.whole(limit.size, of)
+        if signal.until and not signal.on_purpose:
+            of = of_a_run_cut_short(of, signal.until)
+        of = judged_together(of, None if is_still else shown, limit.size)
+        label, beside = f"{signal.name} {axis}".rstrip(), {"order": one.order, "noise": one.noise}
+        own = (signal.name, c, signal.solve, unit, float(extent[c]), shown, of, limit, label, axis)
+        rows.append(Row(*own, until=signal.until, **beside))
+    return rows
 
 
 class _Component:

@@ -256,7 +256,7 @@ def test_a_share_is_one_of_the_largest_component():
 def test_tolerances_of_attach_count_where_no_others_are_given():
     out, scope = estimated(2.0, 1.0, {"basis": 1e-3}, tolerance=0.5)
     (row,) = rows_of(report_of((out, scope)))
-    assert (row.tolerance, row.is_asked) == (0.5, True)
+    assert row.limit == (0.5, True)
     (row,) = rows_of(report_of((out, scope)), Tolerances(["1%"]))
     assert row.tolerance == 0.02
 

@@ -284,7 +284,7 @@ def _draw_whole(axes: Any, sensors: Sequence[Row]) -> None:
     if estimated:
         shares = [_share(row, row.estimated.size) for row in estimated.values()]
         axes.plot([*estimated], shares, "kD", markersize=5, label="whole error, estimated")
-    asked = {i: row for i, row in enumerate(sensors) if row.is_asked and row.tolerance}
+    asked = {i: row for i, row in enumerate(sensors) if row.limit.is_asked and row.tolerance}
     if asked:
         shares, at = [_share(row, row.tolerance) for row in asked.values()], np.array([*asked])
         style = {"colors": COLOURS["tolerance"], "linewidth": 2.5, "label": "tolerance"}
