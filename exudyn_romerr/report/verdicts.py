@@ -145,12 +145,6 @@ class Row:
         return {name: getattr(self, name) for name in names} | {"axis": self.axis or None} | verdicts
 
 
-def verdicts_in(row: dict[str, Any]) -> dict[str, Verdict]:
-    """Return the verdicts that Row.as_json wrote, by cause."""
-    found = {cause: row[cause] for cause in (*CAUSES, "sum") if row.get(cause) is not None}
-    return {c: Verdict(x["size"], x["half_width"], x["how"], Answer(x["answer"])) for c, x in found.items()}
-
-
 class Reservation(NamedTuple):
     """Why numbers do not tell that an error is small enough, and what to do; empty: they do.
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from ..report.judgement import Solve
+    from ..report.verdicts import Row
 
 ORPHANED = 5  # exit status of a process whose parent has gone
 
@@ -176,15 +177,15 @@ class _Child:
             "contents": {(solve.number, name): one for solve in watched for name, one in solve.content.items()},
         }
 
-    def _rows(self, watched: Sequence[Solve]) -> list[dict[str, Any]]:
-        """What a watched run says of itself, as --json has it."""
+    def _rows(self, watched: Sequence[Solve]) -> list[Row]:
+        """What a watched run says of itself."""
         if not watched:
             return []
         from ..report.answers import Tolerances
         from ..report.judgement import rows_of_solve
 
         asked = Tolerances(self.request["tolerance"])
-        return [row.as_json() for solve in watched for row in rows_of_solve(solve, asked)]
+        return [row for solve in watched for row in rows_of_solve(solve, asked)]
 
 
 def _in_a_line(error: BaseException) -> str:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,13 +16,16 @@ from ..checks import check_choice
 from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
-from ..report.answers import SHARE, Answer, Tolerances, tolerances_of
+from ..report.answers import SHARE, Answer, Limit, Tolerances, tolerances_of
 from ..report.cures import CAUSES
 from ..report.table import TITLES, aligned
 from ..report.wording import digits, rounded_up
 from .child_run import Request, Result, run_child
 from .execute import check_script
 from .files import Answered
+
+if TYPE_CHECKING:
+    from ..report.verdicts import Row
 
 RUNS = 6  # at most, the script's own one with them
 FURTHER = 8  # modes beyond those of a run, of which it forecasts errors
@@ -113,7 +116,8 @@ class Tuning(Answered):
             "cpu_s": seconds,
             "how": "forecast" if answer is None else "run",
             "answer": answer and answer.value,
-            **{name: row[name] for name in ("name", "axis", "solve", "unit", "tolerance")},
+            **{name: getattr(row, name) for name in ("name", "solve", "unit", "tolerance")},
+            "axis": row.axis or None,
             **{cause: _finite(of.of.get(cause)) for cause in (*CAUSES, "sum")},
             "ratio": _finite(of.ratio),
             "is_found": self.found is not None and pair == self.found.pair,
@@ -159,15 +163,14 @@ class Tuning(Answered):
     def _why_none(self) -> str:
         run = self.closest
         if not run.is_covered:
-            why = next(
-                (row["sum"]["reason"] for row in run.rows if row["sum"]["reason"]), "there is no sensor to judge"
-            )
+            whys = (row.of["sum"].reason for row in run.rows)
+            why = next(filter(None, whys), "there is no sensor to judge")
             return f"{run.answer.value.capitalize()}: {why}; romerr verify {self.script} measures the error."
         worst = run.worst
         cause = max((c for c in CAUSES if c in worst.of), key=lambda c: worst.of[c])
         return (
             f"{run.answer.value.capitalize()}: no pair was found that is enough. Closest: {self._named(run)}; "
-            f"what is left at {worst.row['name']} is mostly {CURES[cause]}. romerr verify {self.script} measures it."
+            f"what is left at {worst.row.name} is mostly {CURES[cause]}. romerr verify {self.script} measures it."
         )
 
     def _named(self, run: PairRun) -> str:
@@ -277,25 +280,26 @@ def tune(
     )
     runs = _Runs(plain, progress or (lambda said: None))
     first = runs.first()
-    names = [row["name"] for row in runs.own.facts["rows"]]
+    rows = runs.own.facts["rows"]
     varies_modes, varies_steps = only != "step" and bool(first.most), only != "modes" and runs.is_fixed
     notes = [NO_CALL] * (only != "step" and not first.most and first.is_covered)
     notes += [NO_STEP] * (only != "modes" and not runs.is_fixed)
-    still = dict.fromkeys(row["name"] for row in runs.own.facts["rows"] if row["extent"] == 0)
+    still = dict.fromkeys(row.name for row in rows if row.shows_nothing)
     notes += [STILL.format(", ".join(still))] if still else []
     static = sum(runs.own.facts["modes"]) - sum(first.pair.numbers)
     logic = PairSearch(
         varies_modes, varies_steps, max(static, 1), first.pair.steps / _most_apart(runs.own, first.rows)
     )
     tried, failed = search(lambda pair: first if pair is None else runs.made(pair), [None], logic.wanted, RUNS)
+    wrong = tolerances.misspelt(row.name for row in rows)
     said = f"{failed[0].numbers} modes, {failed[0].steps} steps: {failed[1]}" if failed else ""
     calls = runs.own.facts["calls"]
-    return Tuning(os.fspath(script), tolerances, tried, calls, logic, said, tolerances.misspelt(names), notes)
+    return Tuning(os.fspath(script), tolerances, tried, calls, logic, said, wrong, notes)
 
 
-def _most_apart(own: Result, rows: Sequence[dict[str, Any]]) -> int:
+def _most_apart(own: Result, rows: Sequence[Row]) -> int:
     """How many times the step may be, if a curve through values at steps is to show those between them."""
-    limits = {(row["solve"], row["name"]): row["tolerance"] for row in rows if row["tolerance"]}
+    limits = {(row.solve, row.name): row.tolerance for row in rows if row.tolerance}
     most = STRIDES[-1]
     for (i, name), limit in limits.items():
         solve = own.solves[i]
@@ -342,10 +346,9 @@ class _Runs:
     def _read(self, result: Result, pair: Pair) -> PairRun:
         facts = result.facts
         seconds = max(facts["solve_seconds"] - facts["our_seconds"], 1e-3)
-        rows = [
-            row for row in facts["rows"] if row["sum"]["answer"] != Answer.NO_TOLERANCE.value and row["extent"] != 0
-        ]
-        rows = [row | {"tolerance": row["tolerance"] or 1.0} for row in rows]  # where nothing was read there is none
+        rows = [row for row in facts["rows"] if row.answer is not Answer.NO_TOLERANCE and not row.shows_nothing]
+        # where nothing was read there is none
+        rows = [row if row.tolerance else replace(row, limit=Limit(1.0, row.limit.is_asked)) for row in rows]
         found = PairRun(pair, rows, result.contents, seconds, result.seconds)
         said = found.answer.value if rows else "nothing to judge"
         modes = _counts(pair.numbers, found.most) or "own"

@@ -19,10 +19,9 @@ from ..report.cures import CAUSES
 from ..report.judgement import Judgement, Solve, text
 from ..report.verdicts import beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import disagreements, rows_of_signal
+from .compared import STRESS, disagreements, estimates, rows_of_signal, signals
 from .execute import check_script
 from .files import Judged
-from .signals import STRESS, estimates, signals
 
 CONTROLLERS = ("follow", "hold")
 MEMORY_SHARE = 0.8  # of what is free: runs together may take so much

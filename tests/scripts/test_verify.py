@@ -23,13 +23,16 @@ from exudyn_romerr.report.table import reasons, summary
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
 from exudyn_romerr.scripts.compared import (
     DO_NOT_SHRINK,
+    OF_CALL,
     OTHER_INSTANTS,
+    SAME_STEPS,
     SHRINK_LITTLE,
     UNSETTLED,
+    Signal,
     disagreements,
     rows_of_signal,
+    signals,
 )
-from exudyn_romerr.scripts.signals import OF_CALL, SAME_STEPS, Signal, signals
 from exudyn_romerr.scripts.verify import BY_CALL, _planned
 
 ROOT = Path(__file__).resolve().parents[2]
