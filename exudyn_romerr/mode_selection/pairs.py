@@ -96,6 +96,10 @@ class PairRun:
         """The largest number of modes of which anything is forecast, of each call whose modes a body has."""
         return {call: len(parts) for content in self.contents.values() for call, parts in content.parts.items()}
 
+    def counts(self, numbers: Sequence[int]) -> str:
+        """Return those numbers of modes that are of calls whose modes a body has."""
+        return ", ".join(str(numbers[call]) for call in sorted(self.most))
+
     @property
     def worst(self) -> Expected:
         """What the run has found of the row that is worst beside its tolerance."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -127,13 +127,8 @@ class Tuning(Answered):
         """Return what --json writes: sizes with half widths, in the sensors' units; ratio : to the tolerance."""
         found = self.found and {"numbers": [*self.found.pair.numbers], "steps": self.found.pair.steps}
         known = {"answer": self.answer.value, "found": found, "table": self.table, "calls": self.calls}
-        said = {
-            "misspelt": self.misspelt,
-            "notes": self.notes,
-            "failed": self.failed or None,
-            "cpu_s": self.all_seconds,
-        }
-        return {"script": self.script, **known, **said, "version": __version__}
+        said = {"misspelt": self.misspelt, "notes": self.notes, "failed": self.failed or None}
+        return {"script": self.script, **known, **said, "cpu_s": self.all_seconds, "version": __version__}
 
     def plot(self, path: str | os.PathLike) -> Any:
         """Draw errors beside their tolerances against CPU time, the pair found marked; return the figure."""
@@ -148,39 +143,31 @@ class Tuning(Answered):
         return "\n".join([*lines, *assumed, "", *self._printed_table()])
 
     def _said(self) -> str:
-        own, best = self.runs[0], self.found
-        if best is None:
-            return self._why_none()
+        own, best, closest = self.runs[0], self.found, self.closest
+        answer, measured = closest.answer.value.capitalize(), f"romerr verify {self.script} measures"
         if best is own:
             return f"Enough: {self._named(own)}, as the script has it; no pair that is cheaper is expected to be."
-        times = best.seconds / own.seconds
-        share = f"{times:.2g} times the CPU time" if times > 1 else f"{100 * times:.0f} % of the CPU time"
-        return (
-            f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
-            f"Solves take {share}."
-        )
-
-    def _why_none(self) -> str:
-        run = self.closest
-        if not run.is_covered:
-            whys = (row.of["sum"].reason for row in run.rows)
-            why = next(filter(None, whys), "there is no sensor to judge")
-            return f"{run.answer.value.capitalize()}: {why}; romerr verify {self.script} measures the error."
-        worst = run.worst
+        if best is not None:
+            times = best.seconds / own.seconds
+            share = f"{times:.2g} times the CPU time" if times > 1 else f"{100 * times:.0f} % of the CPU time"
+            return (
+                f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
+                f"Solves take {share}."
+            )
+        if not closest.is_covered:
+            why = next((why for row in closest.rows if (why := row.of["sum"].reason)), "there is no sensor to judge")
+            return f"{answer}: {why}; {measured} the error."
+        worst = closest.worst
         cause = max((c for c in CAUSES if c in worst.of), key=lambda c: worst.of[c])
         return (
-            f"{run.answer.value.capitalize()}: no pair was found that is enough. Closest: {self._named(run)}; "
-            f"what is left at {worst.row.name} is mostly {CURES[cause]}. romerr verify {self.script} measures it."
+            f"{answer}: no pair was found that is enough. Closest: {self._named(closest)}; what is left at "
+            f"{worst.row.name} is mostly {CURES[cause]}. {measured} it."
         )
 
     def _named(self, run: PairRun) -> str:
-        numbers = self._counts(run.pair.numbers)
+        numbers = run.counts(run.pair.numbers)
         modes = "1 mode" if numbers == "1" else f"{numbers} modes"
         return f"{numbers and f'{modes} and '}{run.pair.steps} steps"
-
-    def _counts(self, numbers: Sequence[int]) -> str:
-        """Numbers of those calls whose modes a body has that is known."""
-        return _counts(numbers, self.runs[0].most)
 
     def _to_write(self) -> list[str]:
         """Lines for the script."""
@@ -198,30 +185,16 @@ class Tuning(Answered):
 
     def _printed_table(self) -> list[str]:
         causes = [cause for cause in CAUSES if any(line[cause] is not None for line in self.table)]
-        head = (
-            "modes",
-            "steps",
-            "CPU s",
-            *(f"{TITLES[c]} about" for c in causes),
-            "whole about",
-            "of its tolerance",
-            "at",
-            "how",
-        )
-        lines = [head, *(self._cells(line, causes) for line in self.table)]
+        sizes = [f"{TITLES[cause]} about" for cause in causes]
+        lines = [("modes", "steps", "CPU s", *sizes, "whole about", "of its tolerance", "at", "how")]
+        for line in self.table:
+            counts = self.runs[0].counts(line["numbers"]) or "-"
+            sizes = ("not known" if line[x] is None else rounded_up(line[x], 2) for x in (*causes, "sum"))
+            ratio = "not known" if line["ratio"] is None else f"{digits(100 * line['ratio'], 2)} %"
+            at = f"{line['name']} {line['axis'] or ''}".rstrip()
+            how = f"run: {line['answer']}{', found' * line['is_found']}" if line["answer"] else "forecast"
+            lines.append((counts, str(line["steps"]), digits(line["cpu_s"], 2), *sizes, ratio, at, how))
         return aligned(lines) if self.table else []
-
-    def _cells(self, line: dict[str, Any], causes: Sequence[str]) -> tuple[str, ...]:
-        sizes = ("not known" if line[c] is None else f"{rounded_up(line[c], 2)}" for c in (*causes, "sum"))
-        ratio = "not known" if line["ratio"] is None else f"{digits(100 * line['ratio'], 2)} %"
-        at = f"{line['name']} {line['axis'] or ''}".rstrip()
-        how = f"run: {line['answer']}" if line["answer"] else "forecast"
-        first = (self._counts(line["numbers"]) or "-", str(line["steps"]), digits(line["cpu_s"], 2))
-        return (*first, *sizes, ratio, at, how + (", found" if line["is_found"] and line["answer"] else ""))
-
-
-def _counts(numbers: Sequence[int], calls: Iterable[int]) -> str:
-    return ", ".join(str(numbers[call]) for call in sorted(calls))
 
 
 def _finite(x: float | None) -> float | None:
@@ -351,7 +324,7 @@ class _Runs:
         rows = [row if row.tolerance else replace(row, limit=Limit(1.0, row.limit.is_asked)) for row in rows]
         found = PairRun(pair, rows, result.contents, seconds, result.seconds)
         said = found.answer.value if rows else "nothing to judge"
-        modes = _counts(pair.numbers, found.most) or "own"
+        modes = found.counts(pair.numbers) or "own"
         self._tell(f"{modes} modes, {pair.steps} steps: {said}, {seconds:.2g} s of CPU time in solves")
         return found
 
