@@ -15,7 +15,6 @@ from exudyn_romerr import (
     InputError,
     Output,
     evaluate,
-    load_report,
     mean_displacement,
     mean_rotation,
     node_displacement,
@@ -24,13 +23,11 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.report.data import made_here
 from exudyn_romerr.report.formats import csv_table
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
 from tests.helpers.bad_input import T, trajectory
 from tests.helpers.theorem import random_case
-from tests.report.saved_files import rewritten
 
 ESTIMATORS = ("fast", "energy")
 
@@ -256,49 +253,3 @@ def test_global_axes_are_labels_of_what_is_shown():
         output = node_displacement("u", node=1, component=component, frame="global")
         assert output.labels == tuple(component)
         assert output.resolve(body).shape == (3, 12)
-
-
-def test_labels_and_origin_are_saved(report, tmp_path):
-    """Also when, by what and with which versions the run was bounded."""
-    path = tmp_path / "run.npz"
-    assert report.made["exudyn_romerr"] == made_here()["exudyn_romerr"]
-    assert report.made["numpy"] == np.__version__
-    report.save(path)
-    again = load_report(path)
-    assert again.output("corner").labels == ("x", "y")
-    assert again.made == report.made
-    assert again.origin == report.origin == str(path)
-
-
-def test_estimates_are_saved_and_files_without_are_still_read(report, case, tmp_path):
-    """Those of 0.1 have no arrays of them, and no scope."""
-    path, out = tmp_path / "run.npz", report.output("tip z")
-    with_estimate(out)
-    out.estimate_scope = COUPLED
-    report.compare("tip z", report.t, case.full[0] @ case.C[0])
-    report.save(path)
-    again = load_report(path).output("tip z")
-    for name in ("estimate", "uncertainty", "estimate_off"):
-        assert np.array_equal(getattr(again, name), getattr(out, name))
-    for name in ("estimate_parts", "uncertainty_parts"):
-        kept, saved = getattr(again, name), getattr(out, name)
-        assert list(kept) == list(saved)
-        assert all(np.array_equal(kept[key], saved[key]) for key in saved)
-    assert again.estimate_scope == COUPLED
-    assert str(load_report(path)) == str(report)
-    rewritten(path, without=["estimate_scopes"], words=("estimate", "uncertainty"))
-    old = load_report(path)
-    assert (old.output("tip z").estimate, old.output("tip z").estimate_scope) == (None, "")
-    assert " about " not in str(old)
-    assert "\ntip z  " in old.details
-
-
-def test_files_without_labels_are_still_read(report, tmp_path):
-    """As versions before this one wrote them."""
-    path = tmp_path / "run.npz"
-    report.save(path)
-    rewritten(path, without=("labels", "made"))
-    again = load_report(path)
-    assert again.output("corner").row_names == ["corner row 1", "corner row 2"]
-    assert again.made == {}
-    assert np.array_equal(again.output("corner").value, report.output("corner").value)

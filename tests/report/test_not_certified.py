@@ -317,20 +317,6 @@ def test_mechanisms_have_the_doubts_of_all_bodies(plain):
     assert not PROMISES.search(str(report))
 
 
-def test_files_keep_doubts(plain, tmp_path):
-    """Cause and cure of the report and of every output; one that is certified differs from one that is not."""
-    report = doubted(plain, DOUBTS["goes on"], DOUBTS["not balanced"])
-    report.outputs["v"].uncertified = ()
-    report.save(tmp_path / "run.npz")
-    again = romerr.load_report(tmp_path / "run.npz")
-    assert again.uncertified == report.uncertified
-    assert [(d.cause, d.cure, d.said) for d in again.uncertified] == [
-        (d.cause, d.cure, d.said) for d in report.uncertified
-    ]
-    assert again.output("y").uncertified == report.uncertified
-    assert again.output("v").uncertified == ()
-
-
 @pytest.mark.parametrize("certified", [True, False])
 def test_older_files_still_load(plain, certified, tmp_path):
     """They said it in the reason of the scope only, and why in messages."""
