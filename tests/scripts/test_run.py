@@ -33,10 +33,17 @@ def written(folder, text):
     return str(path)
 
 
+def ran(folder, text, **options):
+    """The run of a script that came to its end."""
+    run = romerr.run(written(folder, text), **options)
+    assert run.ending.error is None
+    return run
+
+
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
     """A run of a script of a pendulum, and what attach says of the same scene."""
-    run = romerr.run(written(tmp_path_factory.mktemp("script"), SCENE + SOLVE))
+    run = ran(tmp_path_factory.mktemp("script"), SCENE + SOLVE)
     from models import floating
 
     scene = floating.pendulum(4, t_end=0.05)
@@ -48,7 +55,6 @@ def pendulum(tmp_path_factory):
 def test_the_estimate_is_that_of_attach(pendulum):
     """By another core, to what both say of themselves; bounds are attach's."""
     run, report = pendulum
-    assert run.ending.error is None
     assert {name for name in report.outputs if not name.endswith("in the frame")} == set(run.reports[0].outputs)
     for name, own in run.reports[0].outputs.items():
         out = report.output(name)
@@ -137,8 +143,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_way_to_solve_is_seen(kind, pendulum, tmp_path):
     """The same numbers as by SolveDynamic."""
-    run = romerr.run(written(tmp_path, SCENE + KINDS[kind]))
-    assert run.ending.error is None
+    run = ran(tmp_path, SCENE + KINDS[kind])
     found, wanted = ([row["sum"]["size"] for row in of.rows] for of in (run, pendulum[0]))
     np.testing.assert_allclose(found, wanted, rtol=1e-4)  # modes are of a solver that begins with random numbers
 
@@ -184,8 +189,7 @@ def test_every_way_to_make_a_body_is_seen(tmp_path):
 
 def test_a_body_at_rest_without_sensors_is_said_to_rest(tmp_path):
     way = WAYS.replace("[0, 9, 0]", "[0, 0, 0]").replace("mbs.AddSensor", "print")
-    run = romerr.run(written(tmp_path, f"WAY = 'create'\n{way}"))
-    assert run.ending.error is None
+    run = ran(tmp_path, f"WAY = 'create'\n{way}")
     assert "nothing moves: outputs chosen for the scene stay at zero" in str(run)
 
 
@@ -211,8 +215,7 @@ def test_many_solves_are_a_line_each(tmp_path):
 def test_equal_names_get_the_number_of_the_sensor(tmp_path):
     """Exudyn refuses them where sensors are added, not where they are changed."""
     text = SCENE + "for i in (0, 2):\n    scene.mbs.SetSensorParameter(i, 'name', 'tip')\n" + SOLVE
-    run = romerr.run(written(tmp_path, text))
-    assert run.ending.error is None
+    run = ran(tmp_path, text)
     assert {row["name"] for row in run.rows} == {"tip (sensor 0)", "sensor1", "tip (sensor 2)"}
 
 
@@ -277,8 +280,7 @@ def test_scripts_that_attach_themselves_keep_their_monitors(tmp_path):
     text = "import exudyn_romerr as romerr\n" + SCENE
     text += "monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))\n" + SOLVE
     text += "assert len(monitor.report().outputs) > 2\n"
-    run = romerr.run(written(tmp_path, text))
-    assert run.ending.error is None
+    run = ran(tmp_path, text)
     assert "monitors of its own" in str(run)
     assert run.rows[0]["sum"]["how"] == "estimated"
 
@@ -294,8 +296,7 @@ def test_scripts_that_attach_several_bodies_have_the_answers_of_all(how, tmp_pat
         "one by one": "for bar in bars:\n    romerr.attach(scene.mbs, bar)\n",
         "with few sensors": "romerr.attach(scene.mbs, bars, outputs=list(scene.sensors.values()))\n",
     }[how]
-    run = romerr.run(written(tmp_path, text + SOLVE))
-    assert run.ending.error is None
+    run = ran(tmp_path, text + SOLVE)
     shown = {row["name"] for row in run.rows}
     assert {f"sensor{i}" for i in range(8)} <= shown
     assert all(row["sum"]["how"] == "estimated" for row in run.rows if row["name"].startswith("sensor"))
@@ -454,8 +455,7 @@ solver.FinalizeSolver(scene.mbs, scene.settings)
 
 def test_intervals_of_one_solver_are_one_run(pendulum, tmp_path):
     """The numbers of one solve, to what five restarts of the accelerations change."""
-    run = romerr.run(written(tmp_path, SCENE + INTERVALS))
-    assert run.ending.error is None
+    run = ran(tmp_path, SCENE + INTERVALS)
     (report,) = run.reports
     whole = pendulum[0].reports[0]
     np.testing.assert_allclose(report.t, whole.t, rtol=1e-12)
