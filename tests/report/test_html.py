@@ -203,8 +203,11 @@ def test_tables_have_the_largest_values_and_when(report, case):
     for x, unit in [*((out.bound[e], " m") for e in ("fast", "energy")), *((x, "") for x in of_body)]:
         assert f"{rounded_up(np.max(x))}{unit} at t = {report.t[np.argmax(x)]:.4g} s" in found.words
     largest, at = np.max(np.abs(out.value)), report.t[np.argmax(np.abs(out.value))]
-    estimates = [f"{0.1 * largest:.3g} m at t = {at:.4g} s", f"{rounded_up(0.01 * largest)} m at t = {at:.4g} s"]
-    assert "".join([*estimates, *estimates]) in found.words  # of all, of the part by the basis
+    sizes = (f"{0.1 * largest:.3g}", f"{rounded_up(0.01 * largest)}")
+    for kind, size in zip(
+        ("estimate", "uncertainty", "estimate basis", "uncertainty vectors"), 2 * sizes, strict=True
+    ):
+        assert f"{kind}{size} m at t = {at:.4g} s" in found.words
     assert page.ABOUT in found.words
     assert f"tip z: true error up to {np.abs(out.error).max():.3g} m; bound / error: fast " in found.words
     ratio = np.max(out.bound["energy"]) / np.abs(out.error).max()

@@ -151,15 +151,15 @@ def _scope(report: ReportData) -> Iterator[str]:
 
 
 def _tables(report: ReportData) -> Iterator[str]:
-    """Largest values over time, as the columns of a CSV file have them."""
-    found = {}
-    for out, row, name in components_of(report):
-        series = series_of(out, report.scope)
-        found[name] = {what or "value": _largest_and_when(report, x[:, row], out.unit, what) for what, x in series}
-    head = list(dict.fromkeys(what for of in found.values() for what in of))
-    if found:
-        rows = ((name, *(of.get(what, "") for what in head)) for name, of in found.items())
-        yield html_table("Largest values over time, and when", (OUTPUT, *head), *rows, kind="numbers")
+    """Largest values over time, of what a CSV file has columns of."""
+    for out in report.outputs.values():
+        components = range(len(out.row_names))
+        rows = (
+            (what or "value", *(_largest_and_when(report, x[:, i], out.unit, what) for i in components))
+            for what, x in series_of(out, report.scope)
+        )
+        title = f"{out.name}: largest values over time, and when"
+        yield html_table(title, ("over time", *out.row_names), *rows, kind="numbers")
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     head = ("estimator", "bound of the error of position", "of velocity")
