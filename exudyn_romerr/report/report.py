@@ -19,8 +19,9 @@ from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
 from .report_rows import limit_of, rows_of_output
+from .scope import with_doubts
 from .table import worst_by_cause
-from .wording import reason_of
+from .wording import widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +57,9 @@ class BoundReport(ReportData):
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        return reason_of(self, e)
+        is_widest = self.scope[e] == widest_scope(self.scope)
+        why = self.scope_reason if is_widest else with_doubts("", self.uncertified)
+        return "; ".join(filter(None, [self.reasons[e], why]))
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.

@@ -123,21 +123,10 @@ def at_most(out: OutputReport, bound: str) -> str:
     return f"bounded by {bound} ({why})" if why else f"at most {bound}"
 
 
-def check_name(check: str, doubts: Iterable[Doubt]) -> str:
-    """Return what a part of a half width is called: what bounds that are not certified leave is not proved."""
-    return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
-
-
 def not_certified(doubts: Iterable[Doubt]) -> str:
     """Return in words that bounds are not certified, and why; empty: they are."""
     causes = causes_of(doubts)
     return causes and f"{NOT_CERTIFIED}: {causes}"
-
-
-def bound_column(scope: dict[str, str], e: str = "best") -> str:
-    """Return what a column of bounds is called: beside estimates of a mechanism, with time steps, what it is of."""
-    of = widest_scope(scope) if e == "best" else scope[e]
-    return f"{'reduction error ' if of == COUPLED else ''}bound"
 
 
 def largest(x: np.ndarray) -> float:
@@ -211,13 +200,6 @@ def scope_lines(report: ReportData) -> list[str]:
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 
-def reason_of(report: ReportData, e: str) -> str:
-    """Return what an estimator assumes, and why it has its scope; see BoundReport.reason."""
-    is_widest = report.scope[e] == widest_scope(report.scope)
-    why = report.scope_reason if is_widest else with_doubts("", report.uncertified)
-    return "; ".join(filter(None, [report.reasons[e], why]))
-
-
 def outside(out: OutputReport, row: int, time: str) -> str:
     """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
@@ -268,11 +250,6 @@ def said_first(report: ReportData) -> str:
     if outputs and all(estimate_scope(out, report.scope) != FROZEN for out in outputs):
         return f"bounds hold {for_run_alone(report.scope)}. Estimates are those of the mechanism, and cover both"
     return FROZEN_FIRST
-
-
-def estimated_under(out: OutputReport, scope: dict[str, str]) -> str:
-    """Return what must be said with an estimate, in two words; "about" says that it is of first order."""
-    return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
 def off_by(out: OutputReport) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..wording import bound_column, check_name, estimated_under, under
+from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
+from ..wording import SHORT, estimate_scope, under, widest_scope
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -93,31 +94,42 @@ def _name(*parts: str) -> str:
 
 def main_series(out: OutputReport, scope: dict[str, str]) -> dict[str, np.ndarray]:
     """Return value, "", estimate and half width, where there are any, and best bound (T, r), named as they hold."""
-    condition = estimated_under(out, scope)
+    condition = _condition(out, scope)
     found = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
-    found[f"{bound_column(scope)}{under(scope, doubts=out.uncertified)}"] = out.bound["best"]
+    found[_bound(out, scope)] = out.bound["best"]
     return {what: x for what, x in found.items() if x is not None}
 
 
 def series_of(out: OutputReport, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     """Yield everything that is known of an output over time (T, r), with what it is called; the value is ""."""
     (_, value), *estimates, (bound, best) = main_series(out, scope).items()
+    condition = _condition(out, scope)
     yield from (("", value), (bound, best))
-    for e, x in out.bound.items():
-        if e != "best":
-            yield f"{bound_column(scope, e)} {e}{under(scope, e, out.uncertified)}", x
+    yield from ((_bound(out, scope, e), x) for e, x in out.bound.items() if e != "best")
     if out.corrected is not None:
         yield "corrected", out.corrected
         yield f"corrected bound{under(scope, doubts=out.uncertified)}", out.corrected_bound
     yield from estimates
     if out.estimate is not None:
-        condition = estimated_under(out, scope)
         yield from ((f"estimate {cause}{condition}", x) for cause, x in out.estimate_parts.items())
-        for check, x in out.uncertainty_parts.items():
-            yield f"uncertainty {check_name(check, out.uncertified)}{condition}", x
+        for check, x in out.uncertainty_parts.items():  # what bounds that are not certified leave is not proved
+            doubt = f" ({NOT_CERTIFIED})" if check == "proved" and out.uncertified else ""
+            yield f"uncertainty {check}{doubt}{condition}", x
     yield "round-off", out.round_off
     if out.error is not None:
         yield "true error", out.error
+
+
+def _bound(out: OutputReport, scope: dict[str, str], e: str = "best") -> str:
+    """What bounds are called: beside estimates of a mechanism, with time steps, what they are of."""
+    is_of_modes = (widest_scope(scope) if e == "best" else scope[e]) == COUPLED
+    name = "" if e == "best" else f" {e}"
+    return f"{'reduction error ' * is_of_modes}bound{name}{under(scope, e, out.uncertified)}"
+
+
+def _condition(out: OutputReport, scope: dict[str, str]) -> str:
+    """What estimates hold under; that they are of first order "about" says."""
+    return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
 def _another(name: str, found: dict) -> str:
