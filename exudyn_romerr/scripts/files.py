@@ -52,7 +52,7 @@ class Answered:
     """What came of runs beside the tolerances that were asked for: an exit status, and JSON."""
 
     tolerances: Tolerances
-    overall: Answer  # that counts for all sensors
+    _overall: Answer  # that counts for all sensors
     misspelt: list[str]  # a line for each name in a tolerance that no sensor has
     as_json: Callable[[], dict[str, Any]]
 
@@ -61,7 +61,7 @@ class Answered:
         """Exit status: 0, or with a tolerance that of the answer; 2: one of a sensor that there is not."""
         if not self.tolerances.is_given:
             return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.overall]
+        return WRONG_USAGE if self.misspelt else STATUS[self._overall]
 
     def save(self, path: str | os.PathLike) -> None:
         """Write all numbers and answers as JSON; InputError if the file cannot be written."""
@@ -77,7 +77,7 @@ class Judged(Answered):
     _of_solves: Callable[[], dict[str, Any]]  # what --json writes of solves, and CPU time of all
 
     @property
-    def overall(self) -> Answer:
+    def _overall(self) -> Answer:
         """The answer that counts for all sensors."""
         return self.judgement.answer
 
@@ -95,7 +95,7 @@ class Judged(Answered):
         """Return what --json writes; docs/answer.schema.json has the fields."""
         return {
             "script": self.script,
-            "answer": self.overall.value if self.judgement.rows else None,
+            "answer": self._overall.value if self.judgement.rows else None,
             "sensors": self.rows,
             **self._of_solves(),
             "misspelt": self.misspelt,

@@ -78,7 +78,7 @@ class Tuning(Answered):
         """That of the run found, or of the closest."""
         return self.closest.answer
 
-    overall = answer
+    _overall = answer
 
     @property
     def all_seconds(self) -> float:
