@@ -211,10 +211,9 @@ def outside(out: OutputReport, row: int, time: str) -> str:
     return f"{where}: {steps}that truth is not the full model's, or the bound fails" if count else ""
 
 
-def is_known(out: OutputReport, row: int | None = None) -> bool:
-    """Return whether there is an estimate of one row, or of all, at every instant."""
-    rows = slice(None) if row is None else slice(row, row + 1)
-    return out.estimate is not None and bool(np.isfinite(out.estimate[:, rows]).all())
+def is_known(out: OutputReport) -> bool:
+    """Return whether there is an estimate of all rows at every instant."""
+    return out.estimate is not None and bool(np.isfinite(out.estimate).all())
 
 
 def parts_of(out: OutputReport) -> dict[str, np.ndarray]:
