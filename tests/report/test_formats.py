@@ -71,6 +71,7 @@ def test_columns_are_all_there_is_over_time(report):
     assert np.array_equal(columns["corner x bound energy [m/s]"], corner.bound["energy"][:, 0])
     assert np.array_equal(columns["corner y round-off [m/s]"], corner.round_off[:, 1])
     assert np.array_equal(columns["velocity bound energy"], report.velocity_bound["energy"])
+    assert next(iter(replace(report, time="static").to_dict())) == "load factor"
 
 
 def test_columns_have_truth_and_corrected_output_where_there_are_any(report, case):
@@ -135,21 +136,13 @@ def test_no_column_hides_another(report):
     assert len(columns) == 1 + 4 * 5 + len(WHOLE_BODY)
 
 
-def test_a_static_solve_has_load_factors(report):
-    assert next(iter(replace(report, time="static").to_dict())) == "load factor"
-
-
-def test_csv_is_the_columns_to_the_last_bit(report, tmp_path):
+def test_csv_is_the_columns_to_the_last_bit_as_the_standard_has_it(report, tmp_path):
+    """RFC 4180: lines end in CR LF; no byte order mark where it is not needed."""
     report.to_csv(tmp_path / "run.csv")
     names, table = read_csv(tmp_path / "run.csv")
     columns = report.to_dict()
     assert names == list(columns)
     assert np.array_equal(table, np.column_stack(list(columns.values())))
-
-
-def test_csv_is_as_the_standard_has_it(report, tmp_path):
-    """RFC 4180: lines end in CR LF; no byte order mark where it is not needed."""
-    report.to_csv(tmp_path / "run.csv")
     data = (tmp_path / "run.csv").read_bytes()
     assert data.startswith(b"t [s],tip z [m],")
     assert data.count(b"\r\n") == data.count(b"\n") == len(report.t) + 1
@@ -197,14 +190,11 @@ def test_a_failed_write_leaves_the_older_file(report, tmp_path, monkeypatch, nam
     assert report.origin == ""
 
 
-def test_rows_are_called_by_their_labels_everywhere(report):
+def test_rows_are_called_by_their_labels_everywhere_or_are_numbered(report, case):
     assert report.output("corner").row_names == ["corner x", "corner y"]
     text = report.details
     assert re.search(r"^corner x  +\S+ m/s", text, re.MULTILINE)
     assert re.search(r"^tip z  +\S+ m", text, re.MULTILINE)
-
-
-def test_rows_without_labels_are_numbered(case):
     out = case.report(outputs=[Output("y", case.C, unit="m")], estimators="fast").output("y")
     assert out.row_names == ["y row 1", "y row 2"]
 
