@@ -88,6 +88,7 @@ def test_numbers_stand_in_the_text(pendulum):
     assert re.search(r"^Modes: .* at \w+", text, re.M)
     assert re.search(r"^Step: .* at \w+", text, re.M)
     assert re.search(r"^sensor +up to +modes about", text, re.M)
+    assert not re.search(r"\d m\b", text)  # nobody knows units that are not given
 
 
 @pytest.mark.parametrize(
@@ -212,11 +213,13 @@ def test_many_solves_are_a_line_each(tmp_path):
     assert [line.split()[0] for line in lines[first : first + 6]] == ["solve", *"01234"]
 
 
-def test_equal_names_get_the_number_of_the_sensor(tmp_path):
+def test_equal_names_get_the_number_of_the_sensor_and_units_that_are_given_are_printed(tmp_path):
     """Exudyn refuses them where sensors are added, not where they are changed."""
     text = SCENE + "for i in (0, 2):\n    scene.mbs.SetSensorParameter(i, 'name', 'tip')\n" + SOLVE
-    run = ran(tmp_path, text)
+    run = ran(tmp_path, text, units="mm")
     assert {row["name"] for row in run.rows} == {"tip (sensor 0)", "sensor1", "tip (sensor 2)"}
+    assert {row["unit"] for row in run.rows} == {"mm"}
+    assert re.search(r"^Step: .* mm (or less )?\(", str(run), re.M)
 
 
 def test_outputs_are_chosen_where_there_are_no_sensors(tmp_path):
@@ -318,17 +321,12 @@ def test_solves_in_other_processes_are_counted(tmp_path):
     assert "3 solves in other processes (2 started) not watched" in done.stdout
 
 
-def test_nothing_of_ours_stays_in_front_of_exudyn(tmp_path, pendulum):
+def test_nothing_of_ours_stays_in_front_of_exudyn_and_the_mbs_is_freed(tmp_path, pendulum):
     import exudyn as exu
 
     before = {name: getattr(exu.MainSystem, name) for name in ("AddObject", "Reset", "SolveDynamic")}
-    romerr.run(written(tmp_path, SCENE + SOLVE))
+    run = ran(tmp_path, SCENE + SOLVE + "import sys, weakref\nsys.kept = weakref.ref(scene.mbs)\n")
     assert {name: getattr(exu.MainSystem, name) for name in before} == before
-
-
-def test_the_mbs_is_freed(tmp_path):
-    text = SCENE + SOLVE + "import sys, weakref\nsys.kept = weakref.ref(scene.mbs)\n"
-    run = romerr.run(written(tmp_path, text))
     gc.collect()
     assert isinstance(sys.kept, weakref.ref)
     assert sys.kept() is None
@@ -365,20 +363,8 @@ def test_a_misspelt_sensor_is_wrong_usage(quiet, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "--tolerance names 'sensr1', which no sensor is called; did you mean 'sensor1'?" in (err if quiet else out)
     assert ("No tolerance: sensor0, sensor1, sensor2." in out) == (not quiet)
-    assert (
-        main(
-            ["run", "--tolerance", "sensr1=1e9", "--quiet", written(tmp_path, SCENE + SOLVE + "raise SystemExit(7)")]
-        )
-        == 7
-    )
-
-
-def test_units_are_printed_where_they_are_given(pendulum, tmp_path):
-    """Nobody knows them else."""
-    assert not re.search(r"\d m\b", str(pendulum[0]))
-    run = romerr.run(written(tmp_path, SCENE + SOLVE), units="mm")
-    assert {row["unit"] for row in run.rows} == {"mm"}
-    assert re.search(r"^Step: .* mm (or less )?\(", str(run), re.M)
+    script = written(tmp_path, SCENE + SOLVE + "raise SystemExit(7)")
+    assert main(["run", "--tolerance", "sensr1=1e9", "--quiet", script]) == 7
 
 
 FAILS = "def fail(mbs, t, load):\n    if t > 0.03:\n        raise ValueError('a user')\n    return [0, 0, 1]\n"
