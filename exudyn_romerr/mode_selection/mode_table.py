@@ -220,11 +220,7 @@ def coordinates_of(
 ) -> Coordinates:
     """Return what is known of coordinates, V (N, n).
 
-    Parameters
-    ----------
-    mass, stiffness : (N, N)
-    D : (n, n), of the reduced body; None: not known
-    directions : (N, 3), unit translations; None: not known
+    mass, stiffness : (N, N). D (n, n), of the reduced body, directions (N, 3), unit translations : None: not known.
     """
     carried = mass @ V
     m, k = (np.einsum("ij,ij->j", V, x) for x in (carried, stiffness @ V))

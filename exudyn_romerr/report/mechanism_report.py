@@ -140,17 +140,10 @@ def _once(texts: Iterable[str]) -> list[str]:
 
 
 def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
-    """Return one report of all; the first instant of each is the last of the one before, and is taken once.
+    """Return one report of all, of the type of the last; the first instant of each is the last of the one before.
 
-    Parameters
-    ----------
-    reports : at least one, in the order of time
-        Of the same bodies; an output counts that all have.
-
-    Returns
-    -------
-    BoundReport
-        Of the type of the last. Does not cover: bounds at nodes.
+    reports : at least one, in the order of time, of the same bodies; an output counts that all have. Does not cover:
+    bounds at nodes.
     """
     last = reports[-1]
     if len(reports) == 1:

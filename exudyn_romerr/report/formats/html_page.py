@@ -86,15 +86,7 @@ HEAD = """<!DOCTYPE html>
 
 
 def write_page(report: ReportData, path: str | os.PathLike, tolerances: Tolerances | None = None) -> None:
-    """Write the page of a report.
-
-    Parameters
-    ----------
-    report : BoundReport
-    path : str or os.PathLike
-        Such as "run.html".
-    tolerances : Tolerances, optional
-        In place of those that attach was given.
+    """Write the page of a report; tolerances : in place of those that attach was given.
 
     Raises
     ------
