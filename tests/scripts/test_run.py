@@ -19,6 +19,7 @@ from exudyn_romerr.__main__ import main
 from exudyn_romerr.mbs.scenes import found_bodies, recorded_solve
 from exudyn_romerr.report.answers import STATUS, Answer
 from exudyn_romerr.report.cures import CAUSES
+from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.scripts.run import NO_BODY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -110,7 +111,8 @@ def test_exit_statuses(tolerance, answer, tmp_path, capsys):
         assert set(answers.values()) == {"no tolerance"}
 
 
-def test_files_are_written_and_can_be_read(tmp_path, capsys):
+def test_files_are_written_and_can_be_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(html_page, "MOST", 1)
     script = written(tmp_path, SCENE + SOLVE)
     files = {name: str(tmp_path / f"run.{name}") for name in ("npz", "html", "png", "json")}
     options = ["--save", files["npz"], "--html", files["html"], "--plot", files["png"], "--json", files["json"]]
