@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exudyn_romerr.report.plots.style import COLOURS, STYLES
+from exudyn_romerr.report.plots.style import COLOURS, LOOKS
 
 HEADER = f"{'estimator':<26}{'reduction':>10}{'total':>10}{'online us':>14}{'offline ms':>12}"
 
@@ -78,7 +78,7 @@ def draw(t: np.ndarray, lines: Sequence[Measured], meshes: Sequence[Refined], pa
     left, right = figure.subplots(1, 2)
     for line in lines:
         e, many = line.name.split(",")[0], "40" in line.name
-        style = {"color": COLOURS[e], "linestyle": ":" if many else STYLES[e], "linewidth": 3 if many else 1.5}
+        style = {"color": COLOURS[e], "linestyle": ":" if many else LOOKS[e][1], "linewidth": 3 if many else 1.5}
         left.semilogy(1e3 * t[1:], line.curve[1][1:], label=line.name, **style)
     error = np.abs(lines[0].curve[0][1:])
     left.semilogy(1e3 * t[1:], error, color=COLOURS["error"], linewidth=0.8, label="true error")

@@ -42,7 +42,8 @@ from benchmarks.estimates import attached, bodies_of
 from benchmarks.mechanism_builder import all_modes, built
 from benchmarks.random_mechanisms import Mechanism, Shape, damped, drawn, started
 from benchmarks.sweep import PENCIL
-from exudyn_romerr.report.report_rows import CHECKS, OF_INTERFACES, PARTS
+from exudyn_romerr.report.cures import CAUSES as OF_REPORT
+from exudyn_romerr.report.report_rows import OF_INTERFACES
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
 from exudyn_romerr.report.wording import estimate_scope
 from models import estimate_truths
@@ -246,7 +247,7 @@ def parts(out: Any, cause: str) -> tuple[np.ndarray, np.ndarray]:
     """Return what is told of a cause (T, r), signed, and its half width (T, r), as `romerr run` prints them."""
     if cause == "whole":
         return out.estimate, out.uncertainty
-    names, checks = PARTS[cause], CHECKS[cause]
+    names, checks = OF_REPORT[cause].parts, OF_REPORT[cause].checks
     if cause == "modes":
         names, checks = STATIC, checks + OF_INTERFACES
     zero = np.zeros_like(out.estimate)

@@ -68,7 +68,7 @@ class Truth:
         at_steps = CubicSpline(coarse[:, 0], truth)(own[:, 0])
         between = CubicSpline(own[:, 0], at_steps)(coarse[:, 0]) - truth  # a curve through values at steps
         error = max(np.abs(own[:, 1:] - at_steps).max(), np.abs(between).max())
-        return float(error / self._tolerances.of(solve["names"][j]).of(extent))
+        return float(error / self._tolerances.limit(solve["names"][j], extent).size)
 
 
 def _ran(request: Request) -> Result:

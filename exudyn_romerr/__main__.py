@@ -9,31 +9,24 @@ import argparse
 import os
 import sys
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from . import __version__
 from .errors import InputError, RomErrError
 from .report.answers import WRONG_USAGE, Tolerances
 from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tell_on_stderr, tried
-from .scripts.run import run, show, write_files
+from .scripts.run import mode_tables, run, show, write_files
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from .report.report import BoundReport
+    from .scripts.files import Answered
     from .scripts.run import Run
 
 ABOUT = "How wrong reduced flexible bodies make an Exudyn simulation: of a script as it is, or of a saved report."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
-SAVED = ("run.npz", "what report.save(...) wrote")
-SWEPT = ("folder", "what sweep(..., folder=...) was given")
-WRITTEN = {
-    "save": "write the reports for romerr show, plot, report: run.npz",
-    "html": "write an HTML page",
-    "plot": "draw the sensors and their errors: .png, .svg, .pdf",
-    "json": "write all numbers and answers for other programs",
-}
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
 STATUS_OF_RUN = (
     "exit status: that of the script; with --tolerance, where the script ends well: 0 enough, 3 too large, "
@@ -44,116 +37,196 @@ STATUS_OF_VERIFY = (
     "exit status: 0; with --tolerance: 0 enough, 3 too large, 4 not known; 2: nothing could be run, or a --tolerance "
     "of a sensor that there is not"
 )
+WRITTEN = ("save", "html", "plot", "json")
+JUDGED = ("tolerance", "units", "quiet")
+OPTIONS = {  # of commands about a script; those that write a file first
+    "save": {"metavar": "file", "help": "write the reports for romerr show, plot, report: run.npz"},
+    "html": {"metavar": "file", "help": "write an HTML page"},
+    "plot": {"metavar": "file", "help": "draw the sensors and their errors: .png, .svg, .pdf"},
+    "json": {"metavar": "file", "help": "write all numbers and answers for other programs"},
+    "table": {"metavar": "file", "help": "write the tables: modes.csv or modes.html"},
+    "tolerance": {
+        "action": "append",
+        "default": [],
+        "metavar": "X",
+        "help": "the error that is allowed: in the model's units (0.001), as a share of each largest value (1%%), or "
+        "of one sensor (tip=0.001); repeatable",
+    },
+    "units": {"default": "", "metavar": "U", "help": "the model's unit of length, to be printed: mm"},
+    "quiet": {"action": "store_true", "help": "print no answer"},
+    "features": {"action": "store_true", "help": "also peak, RMS and last value of each sensor"},
+    "jobs": {"type": int, "metavar": "N", "help": "runs at a time (default: as memory allows)"},
+    "timeout": {"type": float, "metavar": "S", "help": "end a run after so many seconds"},
+    "controllers": {
+        "choices": ("follow", "hold"),
+        "default": "follow",
+        "help": "PreStep functions are called at every shorter step, or at the steps of the script (default: follow)",
+    },
+    "modes-by-call": {"action": "store_true", "help": "also more modes by the script's own call"},
+    "only": {"choices": ("modes", "step"), "help": "what alone may vary (default: both)"},
+}
+
+
+class _Scripted(NamedTuple):
+    """A command about a script: what it does, an example of its options, what its exit status is, its options."""
+
+    about: str
+    example: str
+    status: str
+    options: tuple[str, ...]
+
+
+SCRIPTED = {
+    "run": _Scripted(
+        "run a script and tell how wrong its reduced bodies make it",
+        " --tolerance 1%",
+        STATUS_OF_RUN,
+        (*JUDGED, *WRITTEN, "features"),
+    ),
+    "verify": _Scripted(
+        "run a script again and again, and measure its errors",
+        " --tolerance 1%",
+        STATUS_OF_VERIFY,
+        (*JUDGED, "jobs", "timeout", "controllers", "modes-by-call", "json", "plot"),
+    ),
+    "modes": _Scripted(
+        "run a script and tell which coordinate of its reduced bodies is which", "", STATUS_OF_MODES, ("table",)
+    ),
+    "tune": _Scripted(
+        "find the cheapest number of modes and step that meet a tolerance",
+        " --tolerance 1%",
+        STATUS_OF_VERIFY,
+        (*JUDGED, "only", "timeout", "json", "plot"),
+    ),
+}
+
+
+class _OfFile(NamedTuple):
+    """A command about a saved report, or a folder: what it does, the rest of an example, what it is of.
+
+    ending : of the file that it writes of a report; write : does so.
+    """
+
+    about: str
+    example: str
+    of: tuple[str, str] = ("run.npz", "what report.save(...) wrote")
+    ending: str = ""
+    write: Callable[[BoundReport, str, argparse.Namespace], None] | None = None
+
+
+OF_FILES = {
+    "show": _OfFile("print the summary", "run.npz --tolerance 1%"),
+    "plot": _OfFile(
+        "draw outputs and their errors",
+        'run.npz --output "tip z"',
+        ending="png",
+        write=lambda report, to, given: report.plot(to, given.output),
+    ),
+    "report": _OfFile(
+        "write an HTML page",
+        "run.npz -o run.html",
+        ending="html",
+        write=lambda report, to, given: report.to_html(to, given.tolerance),
+    ),
+    "csv": _OfFile(
+        "write values and errors over time",
+        "run.npz -o run.csv",
+        ending="csv",
+        write=lambda report, to, given: report.to_csv(to),
+    ),
+    "collect": _OfFile("make a table of a sweep", "results", ("folder", "what sweep(..., folder=...) was given")),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line (default: that of the process) and return its exit status, see STATUS."""
     given = _parser().parse_args(arguments)
-    if given.run in (_run, _verify, _modes, _tune):
-        return given.run(given)
+    if given.command in SCRIPTED:
+        return {"run": _run, "verify": _verify, "modes": _modes, "tune": _tune}[given.command](given)
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     status = 0
     try:
-        status = given.run(given) or 0
+        status = {"show": _show, "collect": _collect}.get(given.command, _write)(given) or 0
         sys.stdout.flush()
     except RomErrError as error:
-        print(f"romerr: {error}", file=sys.stderr)
-        return 1
+        return _wrong(error, 1)
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
 
 
+def _wrong(error: object, status: int = WRONG_USAGE) -> int:
+    print(f"romerr: {error}", file=sys.stderr)
+    return status
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        "romerr",
-        description=ABOUT,
-        epilog=f"example: romerr show run.npz\n\n{STATUS}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    own = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
+    epilog = f"example: romerr show run.npz\n\n{STATUS}"
+    parser = argparse.ArgumentParser("romerr", description=ABOUT, epilog=epilog, **own)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="command")
-    _add_run(commands)
-    _add_verify(commands)
-    _add_modes(commands)
-    _add_tune(commands)
-    saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
-    saved.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
-    plot = _add(
-        commands,
-        "plot",
-        _plot,
-        "draw outputs and their errors",
-        'romerr plot run.npz --output "tip z"',
-        "png",
-    )
-    plot.add_argument(
+    commands = parser.add_subparsers(required=True, metavar="command", dest="command")
+    for name, one in SCRIPTED.items():
+        about = f"{one.about[0].upper()}{one.about[1:]}. The script needs no line of ours."
+        example = f"example: romerr {name}{one.example} model.py\n\n{one.status}"
+        usage = f"romerr {name} [options] script.py [its arguments]"
+        of = commands.add_parser(name, help=one.about, description=about, epilog=example, usage=usage, **own)
+        for option in one.options:
+            of.add_argument(f"--{option}", **OPTIONS[option])
+        of.add_argument("script", help="an Exudyn script")
+        of.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    for name, one in OF_FILES.items():
+        about, example = f"{one.about[0].upper()}{one.about[1:]}.", f"example: romerr {name} {one.example}"
+        of = commands.add_parser(name, help=one.about, description=about, epilog=example, allow_abbrev=False)
+        of.add_argument("file", metavar=one.of[0], help=one.of[1])
+        if one.ending:
+            known = "; .svg and .pdf too" if one.ending == "png" else ""
+            of.add_argument("-o", metavar="file", dest="to", help=f"default: run.{one.ending} beside run.npz{known}")
+        if name in ("show", "report"):
+            of.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
+    all_of = commands.choices
+    all_of["plot"].add_argument(
         "--output", action="extend", nargs="+", metavar="NAME", help="only these outputs (default: all)"
     )
-    page = _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
-    page.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
-    _add(commands, "csv", _csv, "write values and errors over time", "romerr csv run.npz -o run.csv", "csv")
-    collect = _add(commands, "collect", _collect, "make a table of a sweep", "romerr collect results", of=SWEPT)
-    collect.add_argument("-o", metavar="file", dest="to", help="table.csv, or table.md; default: print it")
+    all_of["collect"].add_argument("-o", metavar="file", dest="to", help="table.csv, or table.md; default: print it")
     return parser
 
 
-def _add(
-    commands, name: str, run, text: str, example: str, ending: str = "", of: tuple[str, str] = SAVED
-) -> argparse.ArgumentParser:
-    """Add a command; one that writes a file has an ending for it."""
-    parser = commands.add_parser(
-        name,
-        help=text,
-        description=f"{text[0].upper()}{text[1:]}.",
-        epilog=f"example: {example}",
-        allow_abbrev=False,
-    )
-    parser.add_argument("file", metavar=of[0], help=of[1])
-    if ending:
-        known = "; .svg and .pdf too" if ending == "png" else ""
-        parser.add_argument("-o", metavar="file", dest="to", help=f"default: run.{ending} beside run.npz{known}")
-    parser.set_defaults(run=run, ending=ending)
-    return parser
+def _tolerance(text: str) -> str:
+    """The text, if it is a tolerance."""
+    try:
+        Tolerances([text])
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return text
 
 
-def _add_run(commands) -> None:
-    """The command that runs a script and tells what is estimated of it."""
-    about = "run a script and tell how wrong its reduced bodies make it"
-    parser = _add_scripted(commands, "run", about, "romerr run --tolerance 1% model.py", STATUS_OF_RUN)
-    for option, what in WRITTEN.items():
-        parser.add_argument(f"--{option}", metavar="file", help=what)
-    parser.add_argument("--features", action="store_true", help="also peak, RMS and last value of each sensor")
-    _add_script(parser, _run)
+# --- scripts ---
 
 
-def _add_verify(commands) -> None:
-    """The command that measures."""
-    about = "run a script again and again, and measure its errors"
-    parser = _add_scripted(commands, "verify", about, "romerr verify --tolerance 1% model.py", STATUS_OF_VERIFY)
-    parser.add_argument("--jobs", type=int, metavar="N", help="runs at a time (default: as memory allows)")
-    parser.add_argument("--timeout", type=float, metavar="S", help="end a run after so many seconds")
-    parser.add_argument(
-        "--controllers",
-        choices=("follow", "hold"),
-        default="follow",
-        help="PreStep functions are called at every shorter step, or at the steps of the script (default: follow)",
-    )
-    parser.add_argument("--modes-by-call", action="store_true", help="also more modes by the script's own call")
-    for option in ("json", "plot"):
-        parser.add_argument(f"--{option}", metavar="file", help=WRITTEN[option])
-    _add_script(parser, _verify)
+def _run(given: argparse.Namespace) -> int:
+    """Run a script, print and write the answer; the exit status is the script's, or that of the answer."""
+    try:
+        files = checked_files({option: getattr(given, option) for option in WRITTEN})
+        done = run(given.script, given.arguments, tolerance=given.tolerance, units=given.units)
+    except InputError as error:
+        return _wrong(error)
+    done.ending.show()
+    written = write_files(done, files)
+    features = _features(done) if given.features and not given.quiet else []
+    _tell(given, done, [*features, *written])
+    done.ending.leave()
+    return done.status
 
 
-def _add_modes(commands) -> None:
-    """The command that tells of modes."""
-    about = "run a script and tell which coordinate of its reduced bodies is which"
-    parser = _add_scripted(commands, "modes", about, "romerr modes model.py", STATUS_OF_MODES, is_judged=False)
-    parser.add_argument("--table", metavar="file", help="write the tables: modes.csv or modes.html")
-    _add_script(parser, _modes)
+def _features(done: Run) -> list[str]:
+    """Lines of peaks, RMS and values at the end of all sensors in all solves that have a report."""
+    from .report.derived import features_table
+    from .report.table import aligned
+
+    return ["", *aligned(features_table(done.reports))] if done.reports else []
 
 
 def _modes(given: argparse.Namespace) -> int:
@@ -162,28 +235,15 @@ def _modes(given: argparse.Namespace) -> int:
         files = checked_files({"table": given.table})
         done = run(given.script, given.arguments)
     except InputError as error:
-        print(f"romerr: {error}", file=sys.stderr)
-        return WRONG_USAGE
+        return _wrong(error)
     done.ending.show()
     from .mode_selection.mode_table import write_tables
-    from .scripts.modes import mode_tables
 
     tables, lines = mode_tables(done)
     written = [tried(path, partial(write_tables, tables, path)) for path in files.values()]
     show("\n".join(["", f"romerr {__version__}: {given.script}", *lines, *written]))
     done.ending.leave()
     return done.ending.status
-
-
-def _add_tune(commands) -> None:
-    """The command that looks for the cheapest modes and step."""
-    about = "find the cheapest number of modes and step that meet a tolerance"
-    parser = _add_scripted(commands, "tune", about, "romerr tune --tolerance 1% model.py", STATUS_OF_VERIFY)
-    parser.add_argument("--only", choices=("modes", "step"), help="what alone may vary (default: both)")
-    parser.add_argument("--timeout", type=float, metavar="S", help="end a run after so many seconds")
-    for option in ("json", "plot"):
-        parser.add_argument(f"--{option}", metavar="file", help=WRITTEN[option])
-    _add_script(parser, _tune)
 
 
 def _tune(given: argparse.Namespace) -> int:
@@ -201,103 +261,33 @@ def _verify(given: argparse.Namespace) -> int:
     return _several_runs(given, partial(verify, **own))
 
 
-def _several_runs(given: argparse.Namespace, find) -> int:
+def _several_runs(given: argparse.Namespace, find: Callable) -> int:
     """Let a function make its runs of a script, print and write what it has found."""
     try:
         files = checked_files({option: getattr(given, option) for option in ("json", "plot")})
-        found = find(
-            given.script,
-            given.arguments,
-            tolerance=given.tolerance,
-            timeout=given.timeout,
-            progress=None if given.quiet else tell_on_stderr,
-        )
+        tell = None if given.quiet else tell_on_stderr
+        own = {"tolerance": given.tolerance, "timeout": given.timeout, "progress": tell}
+        found = find(given.script, given.arguments, **own)
     except RomErrError as error:
-        print(f"romerr: {error}", file=sys.stderr)
-        return WRONG_USAGE
+        return _wrong(error)
     except KeyboardInterrupt:
-        print("romerr: stopped before there was anything to show", file=sys.stderr)
-        return INTERRUPTED
-    written = [tried(path, partial({"json": found.save, "plot": found.plot}[x], path)) for x, path in files.items()]
-    if not given.quiet:
-        show("\n".join([f"romerr {__version__}: {given.script}", str(found), *written]))
-    _tell_misspelt(found.misspelt if given.quiet else [])
+        return _wrong("stopped before there was anything to show", INTERRUPTED)
+    write = {"json": found.save, "plot": found.plot}
+    _tell(given, found, [tried(path, partial(write[option], path)) for option, path in files.items()])
     return found.status
 
 
-def _features(done: Run) -> list[str]:
-    """Lines of peaks, RMS and values at the end of all sensors in all solves that have a report."""
-    from .report.derived import features_table
-    from .report.table import aligned
-
-    return ["", *aligned(features_table(done.reports))] if done.reports else []
-
-
-def _tell_misspelt(lines: Sequence[str]) -> None:
-    """Print what is wrong usage even where no answer is wanted."""
-    for line in lines:
-        print(f"romerr: {line}", file=sys.stderr)
-
-
-def _add_scripted(
-    commands, name: str, about: str, example: str, status: str, is_judged: bool = True
-) -> argparse.ArgumentParser:
-    """Add a command about a script; its options come before the script, whose own come after it."""
-    parser = commands.add_parser(
-        name,
-        help=about,
-        description=f"{about[0].upper()}{about[1:]}. The script needs no line of ours.",
-        epilog=f"example: {example}\n\n{status}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage=f"romerr {name} [options] script.py [its arguments]",
-        allow_abbrev=False,
-    )
-    if not is_judged:
-        return parser
-    parser.add_argument(
-        "--tolerance",
-        action="append",
-        default=[],
-        metavar="X",
-        help="the error that is allowed: in the model's units (0.001), as a share of each largest value (1%%), or of "
-        "one sensor (tip=0.001); repeatable",
-    )
-    parser.add_argument("--units", default="", metavar="U", help="the model's unit of length, to be printed: mm")
-    parser.add_argument("--quiet", action="store_true", help="print no answer")
-    return parser
-
-
-def _add_script(parser: argparse.ArgumentParser, run) -> None:
-    parser.add_argument("script", help="an Exudyn script")
-    parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-    parser.set_defaults(run=run)
-
-
-def _run(given: argparse.Namespace) -> int:
-    """Run a script, print and write the answer; the exit status is the script's, or that of the answer."""
-    try:
-        files = checked_files({option: getattr(given, option) for option in WRITTEN})
-        done = run(given.script, given.arguments, tolerance=given.tolerance, units=given.units)
-    except InputError as error:
-        print(f"romerr: {error}", file=sys.stderr)
-        return WRONG_USAGE
-    done.ending.show()
-    written = write_files(done, files)
+def _tell(given: argparse.Namespace, found: Answered, lines: Sequence[str]) -> None:
+    """Print an answer, and lines below it; what is wrong usage even where no answer is wanted."""
     if not given.quiet:
-        told = [str(done), *(_features(done) if given.features else [])]
-        show("\n".join(["", f"romerr {__version__}: {given.script}", *told, *written]))
-    _tell_misspelt(done.misspelt if given.quiet else [])
-    done.ending.leave()
-    return done.status
+        above = "\n" if given.command == "run" else ""  # below what the script has printed
+        show("\n".join([f"{above}romerr {__version__}: {given.script}", str(found), *lines]))
+        return
+    for line in found.misspelt:
+        _wrong(line)
 
 
-def _tolerance(text: str) -> str:
-    """The text, if it is a tolerance."""
-    try:
-        Tolerances([text])
-    except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
-    return text
+# --- saved reports ---
 
 
 def _show(given: argparse.Namespace) -> int:
@@ -307,26 +297,23 @@ def _show(given: argparse.Namespace) -> int:
     try:
         print(report.summary(given.tolerance))
     except InputError as error:  # a name that no output has
-        print(f"romerr: {error}", file=sys.stderr)
-        return WRONG_USAGE
+        return _wrong(error)
     return 0
 
 
-def _plot(given: argparse.Namespace) -> None:
-    report, to = _opened(given)
-    report.plot(to, given.output)
-    print(f"written: {to}")
+def _write(given: argparse.Namespace) -> None:
+    """Write a file of a report: never over it, and only what the ending says."""
+    from . import load_report
 
-
-def _report(given: argparse.Namespace) -> None:
-    report, to = _opened(given)
-    report.to_html(to, given.tolerance)
-    print(f"written: {to}")
-
-
-def _csv(given: argparse.Namespace) -> None:
-    report, to = _opened(given)
-    report.to_csv(to)
+    command = OF_FILES[given.command]
+    to = given.to or f"{os.path.splitext(given.file)[0]}.{command.ending}"
+    report = load_report(given.file)
+    if os.path.exists(to) and os.path.samefile(to, given.file):
+        raise InputError(f"{to} is the report itself and would be lost; pass another name after -o")
+    known = ENDINGS.get(command.ending)
+    if known and not to.lower().endswith(known):
+        raise InputError(f"{to} does not end in {' or '.join(known)}; pass such a name after -o")
+    command.write(report, to, given)
     print(f"written: {to}")
 
 
@@ -338,20 +325,6 @@ def _collect(given: argparse.Namespace) -> None:
         return
     write_table(given.file, given.to)
     print(f"written: {given.to}")
-
-
-def _opened(given: argparse.Namespace) -> tuple[BoundReport, str]:
-    """The report, and where to write: never over it, and only what the ending says."""
-    from . import load_report
-
-    to = given.to or f"{os.path.splitext(given.file)[0]}.{given.ending}"
-    report = load_report(given.file)
-    if os.path.exists(to) and os.path.samefile(to, given.file):
-        raise InputError(f"{to} is the report itself and would be lost; pass another name after -o")
-    known = ENDINGS.get(given.ending)
-    if known and not to.lower().endswith(known):
-        raise InputError(f"{to} does not end in {' or '.join(known)}; pass such a name after -o")
-    return report, to
 
 
 if __name__ == "__main__":

@@ -101,13 +101,11 @@ def test_help_has_an_example_that_works(run, capsys, command):
     assert main(shlex.split(example)) == 0
 
 
-@pytest.mark.parametrize("name", ["pyproject.toml", "CITATION.cff"])
-def test_files_name_the_version(name):
-    assert re.search(rf"^version\W+{re.escape(__version__)}\W*$", (ROOT / name).read_text(encoding="utf-8"), re.M)
+def test_the_version_is_the_same_everywhere(capsys):
+    for name in ("pyproject.toml", "CITATION.cff"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        assert re.search(rf"^version\W+{re.escape(__version__)}\W*$", text, re.M), name
     assert f"## {__version__} " in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-
-
-def test_version(capsys):
     with pytest.raises(SystemExit) as left:
         main(["--version"])
     assert left.value.code == 0
@@ -192,11 +190,9 @@ def test_the_run_itself_is_never_written_over(run, capsys, command, name):
     os.symlink("run.npz", "link.npz")
     assert "would be lost" in refused(capsys, command, "run.npz", "-o", name)
     assert run.read_bytes() == before
-
-
-def test_nor_is_it_when_its_name_ends_like_the_result(run, capsys):
-    run.rename("run.csv")
-    assert "would be lost" in refused(capsys, "csv", "run.csv")
+    ending = WRITTEN[command][0]
+    run.rename(f"run.{ending}")  # a name that ends like the result
+    assert "would be lost" in refused(capsys, command, f"run.{ending}")
 
 
 WITHOUT_EXUDYN = """

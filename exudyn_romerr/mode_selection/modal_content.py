@@ -100,13 +100,7 @@ class Shares:
     def __init__(
         self, further: FurtherModes, shapes: np.ndarray, n: int, stiffness: sp.spmatrix, projectors: np.ndarray
     ):
-        """Project.
-
-        Parameters
-        ----------
-        shapes : (N, k), of the body, n modes first
-        projectors : (PARTS, k - n, k - n), of forces on its vectors
-        """
+        """Project; shapes (N, k), n modes first; projectors (PARTS, k - n, k - n), of forces on its vectors."""
         self.call, self.count = further.call, further.number + further.modes.shape[1]
         self._own = np.arange(n - further.number, n)
         of = stiffness @ further.modes

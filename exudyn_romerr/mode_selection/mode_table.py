@@ -1,4 +1,7 @@
-"""ModeTable: which coordinate of a reduced body is which, and what it does; as text, CSV and HTML."""
+"""ModeTable: which coordinate of a reduced body is which, and what it does; as text, CSV and HTML.
+
+Without any run there are frequencies, effective masses, damping.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,17 @@ from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 
 from ..report.formats.atomic_write import write_whole
-from ..report.formats.html_page import CSS, html_table, paragraph
+from ..report.formats.html_page import document, html_table, paragraph
 from ..report.table import aligned
 from ..report.wording import digits, percent, rounded_up, with_unit
-from .mode_properties import Coordinates, Frequencies
 
 if TYPE_CHECKING:
     import os
 
+    from ..model.body import ElasticBody
     from .without_modes import InRun
 
 ALONE = "Each coordinate alone, in the order of the body's; effective mass beside those before it"
@@ -30,7 +34,11 @@ WITHOUT = "About what errors of sensors would grow by, at most, without the coor
 LACKS = "Not there, the lowest of the full body: {}."
 MISSED = "Missed most in the run: {} of the strain energy that is missed; the rest is in others."
 MOST, MUCH = 5, 10.0  # modes that are named; a relative difference of which no percentage is told
-HEAD = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Modes</title>'
+MISSING = 0.1  # of a mode's mass: one of which the basis lacks more is told to be missing
+MORE = 6  # modes of the full body that are looked at beside as many as the basis has
+LITTLE = 0.01  # of the strain energy that is missed: less is not told
+TINY = np.finfo(float).tiny
+Share = tuple[int, float, float]  # number of a mode from 0, rad/s, share
 
 
 class Column(NamedTuple):
@@ -144,11 +152,12 @@ def _csv(tables: Sequence[ModeTable]) -> str:
 
 
 def _page(tables: Sequence[ModeTable]) -> str:
-    parts = [f"{HEAD}\n<style>{CSS}</style>\n</head>\n<body>"]
+    parts = []
     for of in tables:
         parts += [f"<h1>Modes of {escape(of.name)}</h1>", paragraph(f"{of.why}.")]
-        parts += [*(html_table(*one, "numbers") for one in of.tables()), *map(paragraph, of.lines())]
-    return "\n".join([*parts, "</body>\n</html>\n"])
+        parts += [html_table(title, head, *rows, kind="numbers") for title, head, rows in of.tables()]
+        parts += map(paragraph, of.lines())
+    return document("Modes", parts)
 
 
 def _ratio(x: float) -> str:
@@ -169,3 +178,114 @@ def _share(x: float) -> str:
 
 def _mode(k: int, omega: float) -> str:
     return f"mode {k + 1} at {digits(omega / (2 * np.pi), 4)} Hz"
+
+
+# --- what is known of coordinates without any run ---
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Each of n coordinates alone: omega (n,) rad/s, zeta (n,), None: not known; mass (n, 3) by direction.
+
+    mass : effective, as shares of the body's, of what a coordinate adds to those before it; None: not known.
+    """
+
+    omega: np.ndarray
+    zeta: np.ndarray | None
+    mass: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Modes of the reduced body beside those of the full one, both as they are held in the frame, lowest first.
+
+    reduced, full (n,) rad/s; zeta (n,) or None. off (n,) : reduced / full - 1; within (n,) : how far off that may be.
+    mainly (n,) : the coordinate with the largest share of the mode's strain energy.
+    missing : (number, rad/s, share of it) of modes of the full body that the basis lacks, lowest first.
+    missed : (number, rad/s, share of the strain energy missed in a run), largest first.
+    """
+
+    reduced: np.ndarray
+    full: np.ndarray
+    zeta: np.ndarray | None
+    off: np.ndarray
+    within: np.ndarray
+    mainly: np.ndarray
+    missing: Sequence[Share]
+    missed: Sequence[Share] = ()
+
+
+def coordinates_of(
+    V: np.ndarray, mass: Any, stiffness: Any, D: np.ndarray | None, directions: np.ndarray | None
+) -> Coordinates:
+    """Return what is known of coordinates, V (N, n).
+
+    mass, stiffness : (N, N). D (n, n), of the reduced body, directions (N, 3), unit translations : None: not known.
+    """
+    carried = mass @ V
+    m, k = (np.einsum("ij,ij->j", V, x) for x in (carried, stiffness @ V))
+    omega = np.sqrt(np.maximum(k, 0.0) / m)
+    zeta = None if D is None else np.diag(D) / np.maximum(2 * omega * m, TINY)
+    share = None
+    if directions is not None:
+        size = np.sqrt(m)
+        lower = la.cholesky(V.T @ carried / size / size[:, None], lower=True)
+        total = np.einsum("ij,ij->j", directions, mass @ directions)
+        share = la.solve_triangular(lower, (carried / size).T @ directions, lower=True) ** 2 / total
+    return Coordinates(omega, zeta, share)
+
+
+def frequencies_of(body: ElasticBody, V: np.ndarray, W: np.ndarray, D: np.ndarray | None) -> Frequencies:
+    """Return frequencies of the body, held, and of its reduction by V, W (n_free, n).
+
+    The full ones are proved: Sylvester's law of inertia finds none missed, and of a pair with theta = omega^2 there
+    is an eigenvalue with |theta / lambda - 1| <= |K x - theta M x|_{K^-1} / |x|_K (Bauer and Fike's theorem for the
+    symmetric K^-1/2 M K^-1/2).
+
+    Raises
+    ------
+    AssumptionError
+        A mode was missed.
+    """
+    M, K = W.T @ (body.M @ V), W.T @ (body.K @ V)
+    if W is V:
+        inverse, shapes = la.eigh(M, K)
+        left = shapes
+    else:
+        inverse, left, shapes = (np.real(x) for x in la.eig(M, K, left=True))
+    order = np.argsort(-inverse)
+    left, shapes, reduced = left[:, order], shapes[:, order], 1 / np.sqrt(np.maximum(inverse[order], TINY))
+    n = len(reduced)
+    modes = body.modes(min(n + MORE, body.free.size))
+    full, X = modes.omega, modes.shapes
+    within = residual_share(body, X, full)[:n]
+    energy = np.abs(shapes * (K @ shapes))
+    zeta = None
+    if D is not None:
+        m, d = (np.einsum("ik,ij,jk->k", left, x, shapes) for x in (M, D))
+        zeta = d / (2 * reduced * m)
+    size = np.sqrt(np.einsum("ij,ij->j", V, body.M @ V))
+    gram, seen = V.T @ (body.M @ V) / size / size[:, None], (V / size).T @ (body.M @ X)
+    lacks = 1 - np.einsum("ik,ik->k", seen, la.solve(gram, seen, assume_a="pos"))
+    missing = [(int(k), float(full[k]), float(lacks[k])) for k in np.flatnonzero(lacks > MISSING)]
+    return Frequencies(reduced, full[:n], zeta, reduced / full[:n] - 1, within, energy.argmax(axis=0), missing)
+
+
+def residual_share(body: ElasticBody, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return |K x - omega^2 M x|_{K^-1} / |x|_K of columns of X (n_free, k)."""
+    factor = body.stiffness_factor
+    left = factor.half_solve(body.K @ X - (body.M @ X) * omega**2)
+    return np.linalg.norm(left, axis=0) / np.linalg.norm(factor.half_multiply(X), axis=0)
+
+
+def missed_modes(body: ElasticBody, count: int, P: np.ndarray, squares: np.ndarray) -> list[Share]:
+    """Return (number, rad/s, share) of the lowest modes by their share of the strain energy of an error P x.
+
+    P (n_free, m) : vectors beside the modes of the basis. squares (m, m) : sum of x x^T over the run.
+    """
+    modes = body.modes(min(count, body.free.size))
+    seen = modes.shapes.T @ (body.M @ P)
+    energy = modes.omega**2 * np.einsum("ki,ij,kj->k", seen, squares, seen)
+    total = np.einsum("ij,ij->", P.T @ (body.K @ P), squares)
+    order = np.argsort(-energy)
+    return [(int(k), float(modes.omega[k]), float(energy[k] / total)) for k in order if energy[k] > LITTLE * total]

@@ -6,16 +6,17 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..report.answers import Answer, worst
-from ..report.cures import LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
-from ..report.verdicts import CAUSES, NONE
+from ..report.cures import CAUSES, LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
+from ..report.verdicts import NONE
 from .search import cheapest
 
 if TYPE_CHECKING:
+    from ..report.verdicts import Row, Verdict
     from .modal_content import Content
 
 SPARE = 0.95  # of a tolerance: what forecasts may use, for a run has to confirm them
@@ -45,7 +46,7 @@ class Expected(NamedTuple):
     """
 
     ratio: float
-    row: dict[str, Any]
+    row: Row
     of: dict[str, float]
 
 
@@ -53,12 +54,12 @@ class Expected(NamedTuple):
 class PairRun:
     """A run that was made with a pair.
 
-    rows : as --json has them, of those sensors that have a tolerance. contents : of (solve, sensor). seconds : CPU
+    rows : of those sensors that have a tolerance. contents : of (solve, sensor). seconds : CPU
     time of its solves; all_seconds : of the whole run, watched.
     """
 
     pair: Pair
-    rows: Sequence[dict[str, Any]]
+    rows: Sequence[Row]
     contents: dict[tuple[int, str], Content]
     seconds: float
     all_seconds: float = 0.0
@@ -69,9 +70,9 @@ class PairRun:
 
         Causes that cancel each other are enough for just these modes and steps: finer steps make the error larger.
         """
-        causes = (Answer(row[cause]["answer"]) for row in self.rows for cause in CAUSES if row[cause])
+        causes = (verdict.answer for row in self.rows for verdict in row.of.values())
         too_large = [answer for answer in causes if answer is Answer.TOO_LARGE]
-        return worst([*(Answer(row["sum"]["answer"]) for row in self.rows), *too_large])
+        return worst([*(row.answer for row in self.rows), *too_large])
 
     @property
     def is_enough(self) -> bool:
@@ -88,19 +89,22 @@ class PairRun:
     @property
     def is_covered(self) -> bool:
         """Whether there is an estimate of everything."""
-        return bool(self.rows) and all(row["sum"]["how"] != NONE for row in self.rows)
+        return bool(self.rows) and all(row.of["sum"].how != NONE for row in self.rows)
 
     @cached_property
     def most(self) -> dict[int, int]:
         """The largest number of modes of which anything is forecast, of each call whose modes a body has."""
         return {call: len(parts) for content in self.contents.values() for call, parts in content.parts.items()}
 
+    def counts(self, numbers: Sequence[int]) -> str:
+        """Return those numbers of modes that are of calls whose modes a body has."""
+        return ", ".join(str(numbers[call]) for call in sorted(self.most))
+
     @property
     def worst(self) -> Expected:
         """What the run has found of the row that is worst beside its tolerance."""
-        found = [{cause: _most(row[cause]) for cause in (*CAUSES, "sum") if row[cause]} for row in self.rows]
-        pairs = zip(found, self.rows, strict=True)
-        ratios = [Expected(max(of.values()) / row["tolerance"], row, of) for of, row in pairs]
+        found = [(row, {cause: _most(verdict) for cause, verdict in row.of.items()}) for row in self.rows]
+        ratios = [Expected(max(of.values()) / row.tolerance, row, of) for row, of in found]
         return max(ratios, key=lambda one: one.ratio)
 
     def expected(self, pair: Pair, order: float) -> Expected:
@@ -111,14 +115,14 @@ class PairRun:
             if "step" in of:
                 of["step"] *= times
             of["sum"] = self._whole(row, pair.numbers)(times)
-            found.append(Expected(of["sum"] / row["tolerance"], row, of))
+            found.append(Expected(of["sum"] / row.tolerance, row, of))
         return max(found, key=lambda one: one.ratio)
 
     def steps_for(self, numbers: tuple[int, ...], order: float, times: float = 1.0) -> float:
         """Return how few steps are expected to keep `times` the tolerances; inf: no number of them does."""
         most, least = COARSER**order, MOST_TIMES**-order  # times the error of the run's own steps
         for row in self.rows:
-            most = _largest_below(self._whole(row, numbers), SPARE * times * row["tolerance"], least, most)
+            most = _largest_below(self._whole(row, numbers), SPARE * times * row.tolerance, least, most)
         return self.pair.steps * most ** (-1 / order) if most > 0 else math.inf
 
     def fewest_first(self) -> Iterator[tuple[int, ...]]:
@@ -131,23 +135,24 @@ class PairRun:
             yield tuple(numbers)
 
     def _by_modes(self, numbers: tuple[int, ...]) -> float:
-        return max(self._causes(row, numbers)["modes"] / row["tolerance"] for row in self.rows if row["modes"])
+        return max(self._causes(row, numbers)["modes"] / row.tolerance for row in self.rows if "modes" in row.of)
 
-    def _whole(self, row: dict[str, Any], numbers: tuple[int, ...]) -> Callable[[float], float]:
+    def _whole(self, row: Row, numbers: tuple[int, ...]) -> Callable[[float], float]:
         """The whole error with its half width as a function of how many times the error by steps is that of the run.
 
         Over time where that is known, for causes are largest at different times; at least each cause alone.
         """
-        of, content = self._causes(row, numbers), self._content(row)
+        of, content = self._causes(row, numbers), self.contents.get((row.solve, row.name))
         step, alone = of.pop("step", 0.0), max(of.values(), default=0.0)
         if content is None or not math.isfinite(step + sum(of.values())):
             return lambda times: sum(of.values()) + step * times
-        modes = content.by_modes(row["component"], numbers, self.pair.numbers)
-        y, steps = modes + content.rest[:, row["component"]], content.step[:, row["component"]]
-        halves = {cause: row[cause]["half_width"] for cause in CAUSES if row[cause]}
-        of_step, all_of_them = halves.pop("step", 0.0), sum(row[c]["half_width"] for c in CAUSES if row[c])
+        modes = content.by_modes(row.component, numbers, self.pair.numbers)
+        y, steps = modes + content.rest[:, row.component], content.step[:, row.component]
+        halves = {cause: row.of[cause].half_width for cause in of} | {"step": 0.0}
+        of_step = row.of["step"].half_width if "step" in row.of else 0.0
+        all_of_them = sum(halves.values()) + of_step
         others = sum(halves.values()) + of["modes"] - np.abs(modes).max() - halves["modes"]
-        together = min((row["sum"]["half_width"] or 0.0) / all_of_them, 1.0) if all_of_them else 1.0
+        together = min((row.of["sum"].half_width or 0.0) / all_of_them, 1.0) if all_of_them else 1.0
 
         def whole(times: float) -> float:
             found = float(np.abs(y + times * steps).max()) + together * (others + of_step * times)
@@ -155,17 +160,15 @@ class PairRun:
 
         return whole
 
-    def _causes(self, row: dict[str, Any], numbers: tuple[int, ...]) -> dict[str, float]:
+    def _causes(self, row: Row, numbers: tuple[int, ...]) -> dict[str, float]:
         """Size and half width by cause with other numbers of modes, and the steps of the run."""
-        of, content = {cause: _most(row[cause]) for cause in CAUSES if row[cause]}, self._content(row)
+        of = {cause: _most(row.of[cause]) for cause in CAUSES if cause in row.of}
+        content = self.contents.get((row.solve, row.name))
         if content is not None and numbers != self.pair.numbers and math.isfinite(of.get("modes", math.inf)):
-            size = np.abs(content.by_modes(row["component"], numbers, self.pair.numbers)).max()
-            now = row["modes"]["size"]
-            of["modes"] = size + row["modes"]["half_width"] * (size / now if now else 1.0)
+            size = np.abs(content.by_modes(row.component, numbers, self.pair.numbers)).max()
+            now = row.of["modes"].size
+            of["modes"] = size + row.of["modes"].half_width * (size / now if now else 1.0)
         return of
-
-    def _content(self, row: dict[str, Any]) -> Content | None:
-        return self.contents.get((row["solve"], row["name"]))
 
 
 def _largest_below(f: Callable[[float], float], limit: float, least: float, most: float) -> float:
@@ -180,9 +183,9 @@ def _largest_below(f: Callable[[float], float], limit: float, least: float, most
     return least
 
 
-def _most(verdict: dict[str, Any]) -> float:
-    known = verdict["size"] is not None and verdict["half_width"] is not None
-    return verdict["size"] + verdict["half_width"] if known else math.inf
+def _most(verdict: Verdict) -> float:
+    """Without rounding of the input, which neither modes nor steps change."""
+    return verdict.most - verdict.floor
 
 
 class PairSearch:
@@ -259,13 +262,12 @@ def order_of(tried: Sequence[PairRun]) -> float:
     one, other = (f(tried, key=lambda run: run.pair.steps) for f in (min, max))
     if one.pair.steps == other.pair.steps:
         return SECOND_ORDER
-    finer = {(row["solve"], row["name"], row["component"]): row for row in other.rows}
+    finer = {(row.solve, row.name, row.component): row.of.get("step") for row in other.rows}
     found = []
     for row in one.rows:
-        beside = finer.get((row["solve"], row["name"], row["component"]))
-        sizes = [x["step"]["size"] if x and x["step"] else None for x in (row, beside)]
-        if all(x is not None and x > RESOLVED_STEP * row["tolerance"] for x in sizes):
-            found.append((sizes[0] / row["tolerance"], math.log(sizes[0] / sizes[1])))
+        both = row.of.get("step"), finer.get((row.solve, row.name, row.component))
+        if all(x is not None and x.size is not None and x.size > RESOLVED_STEP * row.tolerance for x in both):
+            found.append((both[0].size / row.tolerance, math.log(both[0].size / both[1].size)))
     if not found:
         return SECOND_ORDER
     order = max(found)[1] / math.log(other.pair.steps / one.pair.steps)

@@ -1,31 +1,23 @@
-"""search: runs one after another, each chosen by what those before it forecast; choose_modes and tune share it."""
+"""search: runs one after another, each chosen by what those before it forecast; choose_modes and tune share it.
+
+A run has is_enough, whether what decides is within tolerances; is_likely, whether the error itself is, too; cost.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
 
-class Tried(Protocol):
-    """A run that was made. is_enough : what decides is within tolerances. is_likely : the error itself is, too."""
-
-    is_enough: bool
-    is_likely: bool
-    cost: float
-
-
-Choice, Run = TypeVar("Choice"), TypeVar("Run", bound=Tried)
-
-
 def search(
-    run: Callable[[Choice], Run],
-    firsts: Sequence[Choice],
-    wanted: Callable[[Sequence[Run]], Choice | None],
+    run: Callable[[Any], Any],
+    firsts: Sequence[Any],
+    wanted: Callable[[Sequence[Any]], Any | None],
     most: int,
-    watch: Callable[[Iterable[Choice]], Iterable[Choice]] = iter,
-) -> tuple[list[Run], tuple[Choice, Exception] | None]:
+    watch: Callable[[Iterable[Any]], Iterable[Any]] = iter,
+) -> tuple[list[Any], tuple[Any, Exception] | None]:
     """Run what is first, then what is wanted in view of all runs, `most` in all.
 
     An error ends the search; it is raised where no run before it was enough.
@@ -37,18 +29,17 @@ def search(
     """
     tried = [run(one) for one in firsts]
 
-    def following() -> Iterator[Choice]:
+    def following() -> Iterator[Any]:
         while len(tried) < most and (one := wanted(tried)) is not None:
             yield one
 
     for one in watch(following()):
-        failed = _added(tried, run, one)
-        if failed is not None:
-            return tried, (one, failed)
+        if (error := _added(tried, run, one)) is not None:
+            return tried, (one, error)
     return tried, None
 
 
-def _added(tried: list[Run], run: Callable[[Choice], Run], one: Choice) -> Exception | None:
+def _added(tried: list[Any], run: Callable[[Any], Any], one: Any) -> Exception | None:
     """Add a run to those tried, or return its error where one before it was enough."""
     try:
         tried.append(run(one))
@@ -59,7 +50,7 @@ def _added(tried: list[Run], run: Callable[[Choice], Run], one: Choice) -> Excep
     return None
 
 
-def cheapest(runs: Iterable[Run]) -> Run | None:
+def cheapest(runs: Iterable[Any]) -> Any | None:
     """Return the cheapest run that is enough; one whose error is likely within comes before one where it may not be.
 
     Of equal ones the first; None: there is none.

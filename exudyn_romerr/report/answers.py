@@ -48,18 +48,14 @@ def worst(answers: Iterable[Answer]) -> Answer:
     return max(answers, key=order.index, default=Answer.NOT_KNOWN)
 
 
-class Tolerance(NamedTuple):
-    """A limit, and whether it is a share of the largest value."""
+class Limit(NamedTuple):
+    """A tolerance of one component in its unit, None: none; is_asked : by the user."""
 
-    limit: float
-    is_share: bool
+    size: float | None
+    is_asked: bool
 
-    def of(self, largest: float) -> float:
-        """Return the limit of an output that is up to `largest`, in its unit."""
-        return self.limit * largest if self.is_share else self.limit
 
-    def __str__(self) -> str:
-        return f"{100 * self.limit:g} %" if self.is_share else f"{self.limit:g}"
+NO_LIMIT = Limit(None, False)
 
 
 class Tolerances:
@@ -78,18 +74,19 @@ class Tolerances:
 
     def __init__(self, texts: Sequence[str] = ()):
         self.is_given = bool(texts)
-        self._of: dict[str | None, Tolerance] = {}
+        self._of: dict[str | None, tuple[float, bool]] = {}
         for text in texts:
             name, number = _named(text)
             if name in self._of:
                 raise InputError(f"--tolerance is given twice for {'all sensors' if name is None else repr(name)}")
             self._of[name] = number
 
-    def of(self, name: str) -> Tolerance | None:
-        """Return the tolerance of a sensor; None: it has none though others have."""
+    def limit(self, name: str, shown: float) -> Limit:
+        """Return what is allowed of a sensor that shows so much; none if others have a tolerance and it has not."""
         if not self.is_given:
-            return Tolerance(SHARE, True)
-        return self._of.get(name, self._of.get(None))
+            return Limit(SHARE * shown, False)
+        size, is_share = self._of.get(name, self._of.get(None, (None, False)))
+        return Limit(size * shown if is_share else size, True)
 
     @property
     def names(self) -> set[str]:
@@ -115,21 +112,14 @@ def _nearest(name: str, known: Sequence[str]) -> str:
     return f"did you mean {near[0]!r}?{(beside and ' There are ' + ', '.join(beside) + ', too') or ''}"
 
 
-def _named(text: str) -> tuple[str | None, Tolerance]:
+def _named(text: str) -> tuple[str | None, tuple[float, bool]]:
+    """Name of a sensor or None, a number, and whether that is a share of what the sensor shows."""
     name, equals, number = text.rpartition("=")
-    try:
-        return (name if equals else None), read_tolerance(number)
-    except InputError as error:
-        raise InputError(f"--tolerance {text!r}: needed is {NEEDED}") from error
-
-
-def read_tolerance(number: str) -> Tolerance:
-    """Return the tolerance that a number, or one with %, stands for; InputError: it is neither."""
     is_share = number.rstrip().endswith("%")
     try:
-        limit = float(number.rstrip().rstrip("%")) / (100 if is_share else 1)
+        size = float(number.rstrip().rstrip("%")) / (100 if is_share else 1)
     except ValueError:
-        limit = math.nan
-    if not 0 < limit < math.inf:
-        raise InputError(f"{number!r} is not a positive number, or one with %")
-    return Tolerance(limit, is_share)
+        size = math.nan
+    if not 0 < size < math.inf:
+        raise InputError(f"--tolerance {text!r}: needed is {NEEDED}")
+    return (name if equals else None), (size, is_share)

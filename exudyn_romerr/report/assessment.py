@@ -10,11 +10,12 @@ import numpy as np
 
 from ..checks import check_choice
 from ..errors import InputError
-from .answers import ASSESSED, Answer
+from .answers import ASSESSED, Answer, Limit
+from .cures import CAUSES
 from .report_rows import rows_of_output
 from .scope import COMPLETE
 from .table import TITLES, size_in_words
-from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered
+from .verdicts import ESTIMATED, NO_ESTIMATE, NONE, Verdict, not_covered
 from .wording import digits, listed, rounded_down, rounded_up, widest_scope, with_unit
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several
 TOO_LARGE = ANSWERS[:2]
 PRINTED = dict(zip(ANSWERS, (*[Answer.TOO_LARGE] * 2, Answer.NOT_KNOWN, *[Answer.ENOUGH] * 2), strict=True))
 WHERE = {"likely": "within", "unlikely": "above", "unknown": "and does not tell whether that is within"}
-NOTHING = "nothing to do"
+NOTHING, OWN_UNIT = "nothing to do", "the unit of its values"
 
 
 @dataclass(frozen=True)
@@ -58,13 +59,17 @@ class Assessment:
 
 
 def assess(
-    report: ReportData, name: str, tolerance: float, relative: bool = False, cause: str | None = None
+    report: ReportData, name: str, tolerance: Any, relative: bool = False, cause: str | None = None
 ) -> Assessment:
     """Return what is known of an output's error beside a tolerance; see BoundReport.assess."""
     out = report.output(name)
     if cause is not None:
         check_choice("cause", cause, CAUSES)
-    rows = rows_of_output(report, out, Limit(_limit(out, tolerance, relative), True))
+    if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
+        unit = "as a share of the largest value, such as 0.01" if relative else f"in {out.unit or OWN_UNIT}"
+        raise InputError(f"tolerance={tolerance!r} of {name!r}; pass a positive finite number, {unit}")
+    limit = float(tolerance) * (float(out.extents.max()) if relative else 1.0)
+    rows = rows_of_output(report, out, Limit(limit, True))
     found = [_of_row(report, out, row, cause) for row in rows]
     # the worst answer; of rows with it that which moves most, of these that with the largest bound
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
@@ -72,56 +77,16 @@ def assess(
     return replace(found[worst], rows={row.label: one.answer for row, one in zip(rows, found, strict=True)})
 
 
-def _limit(out: OutputReport, tolerance: Any, relative: bool) -> float:
-    """The tolerance of all rows in their unit."""
-    if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
-        needed = (
-            "as a share of the largest value, such as 0.01"
-            if relative
-            else f"in {out.unit or 'the unit of its values'}"
-        )
-        raise InputError(f"tolerance={tolerance!r} of {out.name!r}; pass a positive finite number, {needed}")
-    return float(tolerance) * (float(out.extents.max()) if relative else 1.0)
-
-
 def _of_row(report: ReportData, out: OutputReport, row: Row, cause: str | None) -> Assessment:
     """What is known of one row: what is proved of the whole error first, then what is estimated."""
+    verdict, what = row.of.get(cause or "sum"), f"its error{f' by {TITLES[cause]}' if cause else ''}"
     if cause is None:
-        verdict, proof = row.of["sum"], _proof(report, out, row)
+        proof = _proof(report, out, row)
         if proof is not None and not (proof.answer == "proven" and verdict.reason):
             return proof
-        return _estimated(row, verdict, "its error")
-    return _estimated(row, row.of.get(cause) or _without(row), f"its error by {TITLES[cause]}")
-
-
-def _without(row: Row) -> Verdict:
-    """The verdict on a cause that has none: there is nothing of it, where others have an estimate."""
-    modes = row.of.get("modes")
-    if modes is None:
-        return not_covered(NO_ESTIMATE)
-    return modes if modes.how == NONE else Verdict(0.0, 0.0, ESTIMATED, Answer.ENOUGH)
-
-
-def _proof(report: ReportData, out: OutputReport, row: Row) -> Assessment | None:
-    """What bounds of the whole error, time steps included, prove; None: nothing."""
-    if widest_scope(report.scope) != COMPLETE or report.time == "sampled" or out.uncertified:
-        return None
-    i = row.component
-    bound, floor = out.bound["best"][:, i], out.round_off[:, i]
-    most, least = float(np.max(bound + floor)), 0.0
-    if out.corrected is not None:
-        known = np.abs(out.corrected - out.value)[:, i]
-        least = max(float(np.max(known - (out.corrected_bound[:, i] + floor))), 0.0)
-    if most <= row.tolerance:
-        told = f"its error is at most {with_unit(rounded_up(most), row.unit)}, within {_tolerance(row)}"
-        return Assessment("proven", row.label, told, NOTHING)
-    if least > row.tolerance:
-        told = f"its error is at least {with_unit(rounded_down(least), row.unit)}, above {_tolerance(row)}"
-        return Assessment("disproven", row.label, told, _cure(row))
-    return None
-
-
-def _estimated(row: Row, verdict: Verdict, what: str) -> Assessment:
+    elif verdict is None:  # there is nothing of it, where others have an estimate
+        verdict = row.of.get("modes", not_covered(NO_ESTIMATE))
+        verdict = verdict if verdict.how == NONE else Verdict(0.0, 0.0, ESTIMATED, Answer.ENOUGH)
     answer = ASSESSED[verdict.answer]
     if verdict.size is None:
         told = f"{what} is not known, and so not whether it is within {_tolerance(row)}"
@@ -130,6 +95,25 @@ def _estimated(row: Row, verdict: Verdict, what: str) -> Assessment:
     if verdict.reason and answer != "likely":
         told = f"{told} ({verdict.reason})"
     return Assessment(answer, row.label, told, NOTHING if answer == "likely" else verdict.cure or _cure(row))
+
+
+def _proof(report: ReportData, out: OutputReport, row: Row) -> Assessment | None:
+    """What bounds of the whole error, time steps included, prove; None: nothing."""
+    if widest_scope(report.scope) != COMPLETE or report.time == "sampled" or out.uncertified:
+        return None
+    i = row.component
+    floor, least = out.round_off[:, i], 0.0
+    most = float(np.max(out.bound["best"][:, i] + floor))
+    if out.corrected is not None:
+        known = np.abs(out.corrected - out.value)[:, i]
+        least = float(np.max(known - (out.corrected_bound[:, i] + floor)))
+    if most <= row.tolerance:
+        told = f"its error is at most {with_unit(rounded_up(most), row.unit)}, within {_tolerance(row)}"
+        return Assessment("proven", row.label, told, NOTHING)
+    if least > row.tolerance:
+        told = f"its error is at least {with_unit(rounded_down(least), row.unit)}, above {_tolerance(row)}"
+        return Assessment("disproven", row.label, told, _cure(row))
+    return None
 
 
 def _tolerance(row: Row) -> str:

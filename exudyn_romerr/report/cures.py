@@ -1,4 +1,4 @@
-"""What to do about an error, or about an estimate whose half width is too large: by its cause."""
+"""Causes of errors, and what to do about each, or about an estimate whose half width is too large."""
 
 from __future__ import annotations
 
@@ -7,24 +7,35 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..linear.estimators.causes import FEEDBACK, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
+from ..linear.estimators.causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-OF_CAUSES = {
-    "modes": "more modes",
-    "interfaces": "RBE3 modes; nothing, if the part is as rigid there in reality",
-    "step": "shorter steps",
-    "start": "let loads begin smoothly, or start from equilibrium",
+
+class Cause(NamedTuple):
+    """What makes an error: in words; parts of estimates and of bounds that are of it, checks of these; its cure."""
+
+    title: str
+    parts: tuple[str, ...]
+    checks: tuple[str, ...]
+    cure: str
+
+
+OF_MODES = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved")
+OF_STEPS = ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved")
+CAUSES = {
+    "modes": Cause("modes", ("basis",), OF_MODES, "more modes"),
+    "interfaces": Cause(
+        "rigid interfaces",
+        ("interfaces",),
+        OF_MODES,
+        "RBE3 modes; nothing, if the part is as rigid there in reality",
+    ),
+    "step": Cause("step", ("time step",), OF_STEPS, "shorter steps"),
+    "start": Cause("start", ("initial", "jumps"), OF_MODES, "let loads begin smoothly, or start from equilibrium"),
 }
-OF_BOUNDS = {  # by cause of a bound
-    "basis": OF_CAUSES["modes"],
-    "interfaces": OF_CAUSES["interfaces"],
-    "time step": OF_CAUSES["step"],
-    "initial": OF_CAUSES["start"],
-    "jumps": OF_CAUSES["start"],
-}
+ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
 AGAIN = "then ask again"  # where an error, or its half width, is too large to tell how far to go
@@ -58,22 +69,23 @@ def cure_of(
     beside_steps : what helps beside shorter steps where these resolve nothing.
     """
     if half <= RESOLVED * size or cause == "interfaces":
-        return shorter_steps(size + half, limit, steps) if cause == "step" else OF_CAUSES[cause]
+        return shorter_steps(size + half, limit, steps) if cause == "step" else CAUSES[cause].cure
     # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
     # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_output_estimates.py)
     if beside_steps:
         return beside_steps[0]
     check = max(halves, key=halves.get)
     if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS, FEEDBACK):
-        return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
+        return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else CAUSES[cause].cure}, {NOT_LINEAR}"
     if check == "steps":
         return shorter_steps(size + half, limit, steps, is_resolved=False)
-    return OF_CHECKS.get(check, OF_CAUSES[cause])
+    return OF_CHECKS.get(check, CAUSES[cause].cure)
 
 
 def cure_of_bound(causes: Mapping[str, np.ndarray]) -> str:
     """Return what lowers the largest cause of a bound beside which there is no estimate."""
-    return OF_BOUNDS[max(causes, key=lambda name: np.max(np.abs(causes[name]), initial=0.0))]
+    largest = max(causes, key=lambda name: np.max(np.abs(causes[name]), initial=0.0))
+    return next(cause.cure for cause in CAUSES.values() if largest in cause.parts)
 
 
 def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: bool = True) -> str:
@@ -83,7 +95,7 @@ def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: b
     number to go by; else, or where it is far away, the answer is asked for again.
     """
     if limit is None or not 0 < limit < most:
-        return OF_CAUSES["step"]
+        return CAUSES["step"].cure
     needed = (most / limit) ** (1 / max(steps.order, LOWEST_ORDER))
     is_far = not needed <= MOST_TIMES  # inf, too
     times = MOST_TIMES if is_far else max(ceil(needed), 2)

@@ -37,21 +37,10 @@ IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of
 
 
 def extents(value: np.ndarray, is_position: bool = False) -> np.ndarray:
-    """Return of each component the largest |value|; of a position how far it moves.
+    """Return of each component of value (T, r) the largest |value|; of a position how far it moves.
 
     The largest of these is what 1 % is a share of, wherever it is said. Where a body is says nothing about its error.
-
-    Parameters
-    ----------
-    value : (T, r)
-        In the output's unit.
-    is_position : bool
-        Whether it is a place.
-
-    Returns
-    -------
-    (r,)
-        In the output's unit. Does not cover: what happens between the instants.
+    Does not cover: what happens between the instants.
     """
     return np.ptp(value, axis=0) if is_position else np.max(np.abs(value), axis=0, initial=0.0)
 
@@ -239,6 +228,7 @@ class ReportData:
     origin: str = ""
     uncertified: tuple[Doubt, ...] = ()
     modes: Any = None
+    bodies: tuple[ReportData, ...] = ()
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:
@@ -274,16 +264,7 @@ class ReportData:
 def units_of_length(length: str) -> dict[str, str]:
     """Return the units of all quantities that have one of length, by OutputReport.quantity: "mm" -> "mm", "mm/s", ...
 
-    Parameters
-    ----------
-    length : str
-        The model's unit of length; "": not known, nor are the others.
-
-    Returns
-    -------
-    dict
-        Of displacements, positions, distances, velocities and accelerations; times are in s. Forces and stresses
-        need a unit of mass, too.
+    length : "": not known, nor are the others. Times are in s. Forces and stresses need a unit of mass, too.
     """
     return {quantity: length and f"{length}{per}" for quantity, per in OF_LENGTH.items()}
 

@@ -31,22 +31,21 @@ TITLE = "{} (full model less this: about)"
 
 def features_of(report: ReportData, out: OutputReport) -> dict[str, Feature]:
     """Return the features of an output by NAMES; errors are those of the whole error, or None as its verdict."""
-    weights = _weights(report.t)
-    y, off = out.value, out.uncertainty
+    y, off, weights = out.value, out.uncertainty, _weights(report.t)
+    own = _numbers(y, weights)
     is_known = out.estimate is not None and estimate_scope(out, report.scope) != FROZEN
     if not is_known or not covers_time(out, report.time):
-        return {name: Feature(x, None, None) for name, x in zip(NAMES, _numbers(y, weights), strict=True)}
+        return {name: Feature(x, None, None) for name, x in own.items()}
     better = y + out.estimate
-    most, least = (np.abs(better) + off).max(axis=0), np.maximum(np.abs(better) - off, 0.0).max(axis=0)
-    found = {}
-    for name, own, full in zip(NAMES, _numbers(y, weights), _numbers(better, weights), strict=True):
-        half = {"peak": np.maximum(most - full, full - least), "rms": _rms(off, weights), "end": off[-1]}[name]
-        found[name] = Feature(own, full - own, half)
-    return found
+    full = _numbers(better, weights)
+    most, least = extents(np.abs(better) + off), extents(np.maximum(np.abs(better) - off, 0.0))
+    peak = np.maximum(most - full["peak"], full["peak"] - least)
+    half = {"peak": peak, "rms": _rms(off, weights), "end": off[-1]}
+    return {name: Feature(own[name], full[name] - own[name], half[name]) for name in NAMES}
 
 
-def _numbers(y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return extents(y), _rms(y, weights), y[-1]
+def _numbers(y: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
+    return dict(zip(NAMES, (extents(y), _rms(y, weights), y[-1]), strict=True))
 
 
 def _rms(y: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from .answers import Answer, worst
+from .answers import Answer, Limit, worst
+from .cures import ALWAYS, CAUSES
 from .data import is_beside
 from .report_rows import limit_of, rows_of_output
 from .table import (
@@ -15,13 +16,14 @@ from .table import (
     aligned,
     by_sensor,
     first_sentences,
+    has_numbers,
     how,
     reasons,
     size_in_words,
     summary,
     table,
 )
-from .verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
+from .verdicts import Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -112,11 +114,11 @@ def reason_of(solve: Solve, name: str) -> str:
 
 
 def _without(solve: Solve, name: str, reason: str, tolerances: Tolerances) -> Row:
-    found, asked = not_covered(reason), tolerances.of(name)
-    if asked is None:
+    found, limit = not_covered(reason), tolerances.limit(name, 0.0)
+    if limit.size is None:
         found = replace(found, answer=Answer.NO_TOLERANCE)
     of = dict.fromkeys((*ALWAYS, "sum"), found)
-    return Row(name, 0, solve.number, "", None, None, of, is_asked=tolerances.is_given, until=solve.until)
+    return Row(name, 0, solve.number, "", None, None, of, Limit(None, limit.is_asked), until=solve.until)
 
 
 def text(judgement: Judgement, script: str, what_next: str = "") -> str:
@@ -128,7 +130,7 @@ def text(judgement: Judgement, script: str, what_next: str = "") -> str:
     rows, lines = judgement.rows, []
     if rows:
         lines.append(summary(rows))
-    if any(verdict.how != NONE for row in rows for verdict in row.of.values()):
+    if has_numbers(rows):
         lines += [*first_sentences(rows), "", *_tables(rows, judgement)]
     lines += [*reasons(rows, script), *judgement.notes]
     is_unsure = any(row.answer in UNSURE for row in rows)

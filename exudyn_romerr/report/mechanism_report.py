@@ -13,7 +13,7 @@ from ..errors import InputError, RunError
 from .data import DICTS, OPTIONAL, Plan, Watched, line_of
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
-from .wording import NO_OUTPUTS, scope_lines, widest_scope
+from .wording import NO_OUTPUTS, numbered, widest_scope
 
 if TYPE_CHECKING:
     from .assessment import Assessment
@@ -43,8 +43,6 @@ class MechanismReport(BoundReport):
     cover, the narrowest of the bodies'.
     """
 
-    bodies: tuple[BoundReport, ...] = ()
-
     def at_nodes(self) -> NoReturn:
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
@@ -53,15 +51,6 @@ class MechanismReport(BoundReport):
         """As of a body: what is proved of one needs no other; see BoundReport.assess."""
         of = next((body for body in self.bodies if name in body.outputs), super())
         return of.assess(name, tolerance, relative, cause)
-
-    def _estimator_lines(self) -> list[str]:
-        return [line for i, body in enumerate(self.bodies) for line in (f"  bodies[{i}]:", *body._estimator_lines())]
-
-    def _scope_lines(self) -> list[str]:
-        """What all bodies share once."""
-        assumed = [f"{e}: {reason}" for e, reason in self.reasons.items()]
-        of_bodies = [scope_lines(one) for one in self.bodies or (self,)]
-        return [f"  {line}" for line in [*assumed, *_numbered(of_bodies)]]
 
 
 def joined(
@@ -78,43 +67,42 @@ def joined(
     """
     if any(not np.array_equal(body.t, bodies[0].t) for body in bodies):
         raise RunError("the bodies were bounded over different instants; ask monitor.bodies[...].report()")
-    scope = _scope(bodies)
-    stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
-    none = [_infinite(out, scope) for out in others]
-    doubts = _doubts(bodies[::-1])
-    at_once = (out.beside_steps for body in bodies for out in body.outputs.values() if out.beside_steps)
-    beside = next(at_once, ())  # what rings in one body is felt by all
-    common = {"stopped": stopped, "uncertified": doubts}
-    others = [replace(o, bound=x, reduction_bound=x, **common) for o, x in zip(others, none, strict=True)]
-    places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
-    places += [("a sensor on no flexible body", out) for out in others]
-    check_names([(where, out.name) for where, out in places])
-    made = (replace(out, bound={**_infinite(out, scope), **out.bound}, beside_steps=beside) for _, out in places)
-    outputs = {out.name: out for out in made}
+    scope, doubts = _scope(bodies), _doubts(bodies[::-1])
+    own = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
+    check_names(
+        [(where, out.name) for where, out in own] + [("a sensor on no flexible body", x.name) for x in others]
+    )
+    stopped = next((out.stopped for _, out in own), None)
+    beside = next(
+        (out.beside_steps for _, out in own if out.beside_steps), ()
+    )  # what rings in one body is felt by all
+    made = [replace(out, bound={**_infinite(out, scope), **out.bound}, beside_steps=beside) for _, out in own]
+    for out in others:
+        none = _infinite(out, scope)
+        of_all = {"stopped": stopped, "uncertified": doubts, "beside_steps": beside}
+        made.append(replace(out, bound=none, reduction_bound=none, **of_all))
     times = {body.time for body in bodies}
     certified_first = sorted(bodies, key=lambda body: bool(body.uncertified))
     unbounded = [NO_BOUND.format(", ".join(out.name for out in others))] if others else []
     unbounded += [LEFT_OUT.format(", ".join(_once(name for name, _ in left_out)))] if left_out else []
+    # that a body has no outputs is no message beside outputs of others
+    heard = [[text for text in body.messages if not (made and text == NO_OUTPUTS)] for body in bodies]
+    first = ("t", "made", "planned_end", "ended_by", "on_purpose", "modes")
     return MechanismReport(
-        t=bodies[0].t,
+        **{name: getattr(bodies[0], name) for name in first},
         position_bound=OfBodies(),
         velocity_bound=OfBodies(),
-        outputs=outputs,
+        outputs={out.name: out for out in made},
         scope=scope,
         scope_reason="; ".join(_once(body.scope_reason for body in certified_first)),
         reasons={e: "; ".join(_once(b.reasons[e] for b in bodies if e in b.reasons)) for e in scope},
         plan=joined_plan([body.plan for body in bodies], others, left_out),
-        messages=[*_numbered([_heard(body, bool(outputs)) for body in bodies]), *unbounded],
+        messages=[*numbered(heard), *unbounded],
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
-        made=bodies[0].made,
-        planned_end=bodies[0].planned_end,
-        ended_by=bodies[0].ended_by,
-        on_purpose=bodies[0].on_purpose,
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
         uncertified=doubts,
-        modes=bodies[0].modes,
     )
 
 
@@ -128,7 +116,7 @@ def check_names(places: Sequence[tuple[str, str]]) -> None:
 
 def joined_plan(plans: Sequence[Plan], others: Sequence[Watched], left_out: Sequence[tuple[str, str]]) -> Plan:
     """Return the plans of all bodies as one, with what is watched beside these, and sensors that are left out."""
-    computed = _numbered([plan.computed for plan in plans])
+    computed = numbered([plan.computed for plan in plans])
     computed += [f"{line_of(out)}, no bound" for out in others]
     shared = [pair for pair in plans[0].left_out if all(pair in plan.left_out for plan in plans)]
     pairs = ((i, *pair) for i, plan in enumerate(plans) for pair in plan.left_out if pair not in shared)
@@ -147,40 +135,20 @@ def _infinite(out: OutputReport, scope: dict[str, str]) -> dict[str, np.ndarray]
     return {e: np.full(out.value.shape, np.inf) for e in (*scope, "best")}
 
 
-def _heard(body: BoundReport, are_outputs: bool) -> list[str]:
-    """Its messages; that it has no outputs is none beside outputs of others."""
-    return [text for text in body.messages if not (are_outputs and text == NO_OUTPUTS)]
-
-
 def _once(texts: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(texts))
 
 
-def _numbered(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Lines that are those of all bodies once, others with the number of their body."""
-    shared = [line for line in _once(lines[0]) if all(line in of for of in lines)]
-    return shared + [f"bodies[{i}]: {line}" for i, of in enumerate(lines) for line in of if line not in shared]
-
-
 def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
-    """Return one report of all; the first instant of each is the last of the one before, and is taken once.
+    """Return one report of all, of the type of the last; the first instant of each is the last of the one before.
 
-    Parameters
-    ----------
-    reports : at least one, in the order of time
-        Of the same bodies; an output counts that all have.
-
-    Returns
-    -------
-    BoundReport
-        Of the type of the last. Does not cover: bounds at nodes.
+    reports : at least one, in the order of time, of the same bodies; an output counts that all have. Does not cover:
+    bounds at nodes.
     """
     last = reports[-1]
     if len(reports) == 1:
         return last
     names = [name for name in last.outputs if all(name in report.outputs for report in reports)]
-    bodies = [getattr(report, "bodies", ()) for report in reports]
-    mechanism = {"bodies": tuple(map(joined_in_time, zip(*bodies, strict=True)))} if bodies[0] else {}
     return replace(
         last,
         t=_in_a_row([report.t for report in reports]),
@@ -192,7 +160,7 @@ def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
         uncertified=_doubts(reports),
         nodes=None,
         modes=None,
-        **mechanism,
+        bodies=tuple(map(joined_in_time, zip(*(report.bodies for report in reports), strict=True))),
     )
 
 

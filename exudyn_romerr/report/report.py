@@ -19,8 +19,9 @@ from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
 from .report_rows import limit_of, rows_of_output
+from .scope import with_doubts
 from .table import worst_by_cause
-from .wording import estimator_lines, reason_of
+from .wording import widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,8 @@ class BoundReport(ReportData):
     not known; ended_by, on_purpose : by what, in words, and whether that
     was meant. origin : the file it was saved to, or read from, last. uncertified : why no bound
     of it is certified, a message each, with .cause and .cure in few words; empty: nothing speaks against them but
-    their scope. modes : what mode_table asks; None: a mechanism has not told it, or it was not saved.
+    their scope. modes : what mode_table asks; None: a mechanism has not told it, or it was not saved. bodies : of a
+    mechanism, see MechanismReport.
     """
 
     outputs: dict[str, OutputReport]
@@ -55,7 +57,9 @@ class BoundReport(ReportData):
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        return reason_of(self, e)
+        is_widest = self.scope[e] == widest_scope(self.scope)
+        why = self.scope_reason if is_widest else with_doubts("", self.uncertified)
+        return "; ".join(filter(None, [self.reasons[e], why]))
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.
@@ -138,7 +142,7 @@ class BoundReport(ReportData):
         InputError
             A tolerance that is none, or of an output that there is not.
         """
-        return summary(self, self._scope_lines(), self._tolerances(tolerance))
+        return summary(self, self._tolerances(tolerance))
 
     def _tolerances(self, given: Sequence[str] | str | float | None) -> Tolerances | None:
         if given is None:
@@ -151,14 +155,7 @@ class BoundReport(ReportData):
     @property
     def details(self) -> str:
         """Every component of every output, bounds by all estimators, corrected outputs, what is assumed."""
-        return details(self, self._estimator_lines())
-
-    def _estimator_lines(self) -> list[str]:
-        return estimator_lines(self)
-
-    def _scope_lines(self) -> list[str]:
-        """Return what print(report) says of the bounds of all outputs, below these."""
-        return self._estimator_lines()
+        return details(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

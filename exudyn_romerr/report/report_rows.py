@@ -7,28 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.estimators.causes import (
-    FEEDBACK,
-    FURTHER,
-    FURTHER_INTERFACES,
-    LINEAR,
-    LINEAR_INTERFACES,
-    LINEAR_MODES,
-    LINEAR_STEPS,
-)
-from .answers import SHARE, Answer, Tolerance
-from .cures import LOWEST_ORDER, OF_CAUSES, SECOND_ORDER, Steps, cure_of, cure_of_bound
+from ..linear.estimators.causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
+from .answers import Answer, Limit, Tolerances
+from .cures import ALWAYS, CAUSES, LOWEST_ORDER, SECOND_ORDER, Steps, cure_of, cure_of_bound
 from .data import is_beside, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
-    ALWAYS,
-    CAUSES,
     ESTIMATED,
     KNOWN,
     NO_ESTIMATE,
     NONE,
+    NONE_SUCH,
     TO_THE_END,
-    Limit,
     Reservation,
     Row,
     Verdict,
@@ -52,17 +42,10 @@ from .wording import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .answers import Tolerances
     from .data import OutputReport, ReportData
     from .scope import Doubt
 
-PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
-OF_MODES, OF_STEPS = (
-    ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved"),
-    ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved"),
-)
 OF_INTERFACES = (FURTHER_INTERFACES, LINEAR_INTERFACES)  # in place of a share of those of modes, where they are known
-CHECKS = {"modes": OF_MODES, "interfaces": OF_MODES, "step": OF_STEPS, "start": OF_MODES}
 NO_STEPS = "the error of the time steps is in none of its numbers"
 AXES = ("x", "y", "z")
 SAME = 1e-6  # of a step: all are of one size where they differ by rounding of times
@@ -84,42 +67,26 @@ def asked_for(report: ReportData, rows: Iterable[Row], tolerances: Tolerances | 
 
 def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:
     """Return what is small enough; a share is one of the largest component: small ones ask for no more."""
-    asked = None if tolerances is None else tolerances.of(out.name)
     shown = float(np.max(out.extents, initial=0.0))
-    if tolerances is not None and tolerances.is_given:
-        return Limit(None if asked is None else asked.of(shown), True)
-    if out.tolerance is not None:
+    if out.tolerance is not None and not (tolerances and tolerances.is_given):
         return Limit(out.tolerance, True)
-    return Limit(Tolerance(SHARE, True).of(shown), False)
+    return (tolerances or Tolerances()).limit(out.name, shown)
 
 
 def rows_of_output(report: ReportData, out: OutputReport, limit: Limit, solve: int = 0) -> list[Row]:
     """Return what is known of each component of an output beside a limit."""
-    return [_row(report, out, i, limit, solve) for i in range(out.value.shape[1])]
-
-
-def _row(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: int) -> Row:
-    is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
-    bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
-    shown, early = out.extents, until_of(report)
-    verdicts = _verdicts(report, out, i, limit.size, bound)
-    still = report.time == "static" and is_rate(out.of) and not early
-    return Row(
-        out.name,
-        i,
-        solve,
-        out.unit,
-        float(shown[i]),
-        float(shown.max()),
-        judged_together(verdicts, None if still else float(shown.max()), limit.size),
-        bound if is_bounded and np.isfinite(bound) else None,
-        _covered(report),
-        limit.size,
-        label=out.row_names[i],
-        axis=out.labels[i] if out.labels and out.labels[i] in AXES else "",
-        is_asked=limit.is_asked,
-        until=early,
-    )
+    early, extents = until_of(report), out.extents
+    shown = float(extents.max())
+    is_still = report.time == "static" and is_rate(out.of) and not early
+    rows = []
+    for i in range(len(extents)):
+        found = _Component(report, out, i, limit.size)
+        of = judged_together(found.verdicts(), None if is_still else shown, limit.size)
+        beside = {"bound": found.certain_bound(), "scope": _covered(report), "until": early}
+        axis = out.labels[i] if out.labels and out.labels[i] in AXES else ""
+        row = Row(out.name, i, solve, out.unit, float(extents[i]), shown, of, limit, out.row_names[i], axis, **beside)
+        rows.append(row)
+    return rows
 
 
 def _covered(report: ReportData) -> str:
@@ -129,39 +96,83 @@ def _covered(report: ReportData) -> str:
     return "modes" if report.time == "sampled" else ""
 
 
-def _verdicts(report: ReportData, out: OutputReport, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
-    if out.estimate is None:
-        return {"sum": _by_bound(report, out, limit, bound)}
-    if estimate_scope(out, report.scope) == FROZEN:
-        why = report.scope_reason.partition(";")[0].removeprefix("no coupled bound: ") or NOT_THE_MECHANISM
-        cure = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
-        frozen = not_covered(f"only the error under this run's forces is known: {why}", cure)
-        return dict.fromkeys((*ALWAYS, "sum"), frozen)
-    found = _by_cause(report, out, i, limit)
-    if not covers_time(out, report.time):
-        found["step"] = not_covered(NO_STEPS, MEASURE_IT)
-    found["sum"] = _of_all(report, out, i, limit, bound, found)
-    return found
+class _Component:
+    """One component of an output: verdicts on its errors beside a limit."""
 
+    def __init__(self, report: ReportData, out: OutputReport, i: int, limit: float | None):
+        self._report, self._out, self._i, self._limit = report, out, i, limit
+        self._bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
+        self._is_of_all = widest_scope(report.scope) == COMPLETE and report.time != "sampled"
+        self._but = _reservation(report, out)
 
-def _by_cause(report: ReportData, out: OutputReport, i: int, limit: float | None) -> dict[str, Verdict]:
-    """Verdicts on CAUSES of which there is something; vectors check modes and interfaces together."""
-    parts, found, but = parts_of(out), {}, _reservation(report, out)
-    zero, steps = np.zeros(len(out.value)), steps_of(report)
-    for cause in CAUSES:
-        part = zero + sum(parts[name][:, i] for name in PARTS[cause] if name in parts)
-        own = cause == "interfaces" and OF_INTERFACES[0] in out.uncertainty_parts
-        checks = OF_INTERFACES if own else CHECKS[cause]
-        halves = {x: out.uncertainty_parts[x][:, i] for x in checks if x in out.uncertainty_parts}
-        size, half = largest(part), _half_width(part, zero + sum(halves.values()))
-        if cause == "interfaces" and not own:  # of what vectors say each part has its share
-            half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
-        if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
-            by_check = {check: largest(x) for check, x in halves.items()}
-            cure = cure_of(cause, size, half, by_check, limit, steps, out.beside_steps)
-            verdict = judge(size, half, limit, ESTIMATED, cure, largest(out.round_off[:, i]), but)
-            found[cause] = replace(verdict, time=_when(report.t, part))
-    return found
+    def certain_bound(self) -> float | None:
+        """What the error is at most; None: not finite, not certified, or of this run's forces alone."""
+        is_certain = not self._out.uncertified and widest_scope(self._report.scope) != FROZEN
+        return self._bound if is_certain and np.isfinite(self._bound) else None
+
+    def verdicts(self) -> dict[str, Verdict]:
+        """By cause, and of the sum."""
+        report, out = self._report, self._out
+        if out.estimate is None:
+            return {"sum": self._by_bound()}
+        if estimate_scope(out, report.scope) == FROZEN:
+            why = report.scope_reason.partition(";")[0].removeprefix("no coupled bound: ") or NOT_THE_MECHANISM
+            cure = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
+            frozen = not_covered(f"only the error under this run's forces is known: {why}", cure)
+            return dict.fromkeys((*ALWAYS, "sum"), frozen)
+        found = self._by_cause()
+        if not covers_time(out, report.time):
+            found["step"] = not_covered(NO_STEPS, MEASURE_IT)
+        return found | {"sum": self._of_all(found)}
+
+    def _by_bound(self) -> Verdict:
+        """On the whole error where a bound is all there is."""
+        out, but = self._out, self._but
+        if not self._is_of_all:
+            return not_covered(NO_ESTIMATE, MEASURE_IT)
+        if self._limit is None:
+            return Verdict(None, None, ESTIMATED, Answer.NO_TOLERANCE)
+        if self._bound <= self._limit and not out.uncertified and not but.why:
+            return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
+        cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out.causes)
+        why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
+        return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
+
+    def _by_cause(self) -> dict[str, Verdict]:
+        """On causes of which there is something; vectors check modes and interfaces together."""
+        out, i, time = self._out, self._i, self._report.time
+        parts, steps, found, zero = parts_of(out), steps_of(self._report), {}, np.zeros(len(out.value))
+        for name, cause in CAUSES.items():
+            part = zero + sum(parts[of][:, i] for of in cause.parts if of in parts)
+            own = name == "interfaces" and OF_INTERFACES[0] in out.uncertainty_parts
+            checks = OF_INTERFACES if own else cause.checks
+            halves = {x: out.uncertainty_parts[x][:, i] for x in checks if x in out.uncertainty_parts}
+            size, half = largest(part), _half_width(part, zero + sum(halves.values()))
+            if name == "interfaces" and not own:  # of what vectors say each part has its share
+                half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
+            if size > 0 or (name in ALWAYS and (name, time) != ("step", "static")):
+                by_check = {check: largest(x) for check, x in halves.items()}
+                cure = cure_of(name, size, half, by_check, self._limit, steps, out.beside_steps)
+                found[name] = self._judged(part, size, half, cure)
+        return found
+
+    def _judged(self, error: np.ndarray, size: float, half: float, cure: str = "") -> Verdict:
+        floor = largest(self._out.round_off[:, self._i])
+        verdict = judge(size, half, self._limit, ESTIMATED, cure, floor, self._but)
+        return replace(verdict, time=float(self._report.t[np.argmax(np.abs(error))]))
+
+    def _of_all(self, found: dict[str, Verdict]) -> Verdict:
+        """On the whole error: by its bound where that is one, else by the estimate."""
+        error, half = self._out.estimate[:, self._i], self._out.uncertainty[:, self._i]
+        verdict = self._judged(error, largest(error), _half_width(error, half))
+        if found.get("step", verdict).how == NONE:
+            return not_covered(found["step"].reason, MEASURE_IT)
+        is_proved = self._is_of_all and not self._but.why
+        if is_proved and self._limit is not None and self._bound <= self._limit:
+            return replace(verdict, answer=Answer.ENOUGH, reason="", cure="")
+        cause = max(found, key=lambda cause: found[cause].most, default="modes")
+        cure = "" if verdict.answer is Answer.ENOUGH else found[cause].cure or CAUSES[cause].cure
+        return replace(verdict, cure=cure)
 
 
 def steps_of(report: ReportData) -> Steps:
@@ -172,48 +183,6 @@ def steps_of(report: ReportData) -> Steps:
     end = report.t[-1] if report.planned_end is None else report.planned_end
     is_sampled = any(FEEDBACK in out.uncertainty_parts for out in report.outputs.values())
     return Steps(round(float((end - report.t[0]) / np.mean(h))), LOWEST_ORDER if is_sampled else SECOND_ORDER)
-
-
-def _when(t: np.ndarray, error: np.ndarray) -> float:
-    return float(t[np.argmax(np.abs(error))])
-
-
-def _by_bound(report: ReportData, out: OutputReport, limit: float | None, bound: float) -> Verdict:
-    """The verdict on the whole error where a bound is all there is."""
-    if widest_scope(report.scope) != COMPLETE or report.time == "sampled":
-        return not_covered(NO_ESTIMATE, MEASURE_IT)
-    but = _reservation(report, out)
-    if limit is None:
-        return Verdict(None, None, ESTIMATED, Answer.NO_TOLERANCE)
-    if bound <= limit and not out.uncertified and not but.why:
-        return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
-    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out.causes)
-    why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
-    return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
-
-
-def _of_all(
-    report: ReportData,
-    out: OutputReport,
-    i: int,
-    limit: float | None,
-    bound: float,
-    found: dict[str, Verdict],
-) -> Verdict:
-    """The verdict on the whole error: by its bound where that is one, else by the estimate."""
-    floor, but = largest(out.round_off[:, i]), _reservation(report, out)
-    size, half = largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
-    verdict = replace(
-        judge(size, half, limit, ESTIMATED, floor=floor, but=but), time=_when(report.t, out.estimate[:, i])
-    )
-    if found.get("step", verdict).how == NONE:
-        return not_covered(found["step"].reason, MEASURE_IT)
-    is_whole = widest_scope(report.scope) == COMPLETE and report.time != "sampled" and not but.why
-    if is_whole and limit is not None and bound <= limit:
-        return replace(verdict, answer=Answer.ENOUGH, reason="", cure="")
-    cause = max(found, key=lambda cause: found[cause].most, default="modes")
-    cure = "" if verdict.answer is Answer.ENOUGH else found[cause].cure or OF_CAUSES[cause]
-    return replace(verdict, cure=cure)
 
 
 def _reservation(report: ReportData, out: OutputReport) -> Reservation:
@@ -227,7 +196,7 @@ def _reservation(report: ReportData, out: OutputReport) -> Reservation:
         return Reservation(KNOWN.format(early), TO_THE_END, True)
     if report.time != "static" and len(report.t) < 2:
         return Reservation(FIRST_INSTANT, "see the messages")
-    return Reservation()
+    return NONE_SUCH
 
 
 def until_of(report: ReportData) -> str:

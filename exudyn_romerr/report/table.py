@@ -7,7 +7,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .answers import SHARE, Answer
-from .verdicts import CAUSES, MEASURED, NONE, Row
+from .cures import CAUSES
+from .verdicts import MEASURED, NONE, Row
 from .wording import digits, listed, percent, rounded_up
 
 if TYPE_CHECKING:
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
 
     from .verdicts import Verdict
 
-TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
+TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
 BESIDE = ("order", "noise", "estimated about")
 CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 UNSURE = (Answer.NOT_KNOWN, Answer.NOT_COVERED)
+WORSE = (Answer.TOO_LARGE, *UNSURE)
 FINE = (Answer.ENOUGH, Answer.NO_TOLERANCE)  # of which there is nothing to do
 OPTION, ASSESS = "--tolerance", "report.assess"  # what another tolerance is given by
 YOURS = "your_script.py"  # in cures: the script that the user has
@@ -30,6 +32,11 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of text whose columns begin below each other."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def has_numbers(rows: Sequence[Row]) -> bool:
+    """Return whether anything is known of an error."""
+    return any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
 
 
 def by_sensor(rows: Sequence[Row]) -> list[Row]:
@@ -44,24 +51,21 @@ def by_sensor(rows: Sequence[Row]) -> list[Row]:
 
 
 def _worst_components(rows: Sequence[Row]) -> list[Row]:
-    first = max(rows, key=lambda row: (row.share("sum"), _known_share(row)))
+    def known_share(row: Row) -> float:
+        return max(filter(isfinite, map(row.share, CAUSES)), default=0.0)
+
+    first = max(rows, key=lambda row: (row.share("sum"), known_share(row)))
     told = [first]
     for cause in CAUSES:
         worst = max(rows, key=lambda row, cause=cause: (row.share(cause), row is first))
-        if all(worst is not row for row in told):
-            told.append(worst)
+        told += [worst] if worst not in told else []
     return told
-
-
-def _known_share(row: Row) -> float:
-    """The largest share of a cause that is known."""
-    return max((share for cause in CAUSES if isfinite(share := row.share(cause))), default=0.0)
 
 
 def worst_by_cause(rows: Sequence[Row]) -> dict[str, Verdict]:
     """Return of each cause, and of the sum, the verdict on the component where it is worst."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
-    return {cause: max(_with(rows, cause), key=lambda row, x=cause: row.share(x)).of[cause] for cause in causes}
+    found = {cause: _with(rows, cause) for cause in (*CAUSES, "sum")}
+    return {cause: max(of, key=lambda row, x=cause: row.share(x)).of[cause] for cause, of in found.items() if of}
 
 
 def _with(rows: Sequence[Row], cause: str) -> list[Row]:
@@ -70,8 +74,8 @@ def _with(rows: Sequence[Row], cause: str) -> list[Row]:
 
 def _largest_first(rows: Sequence[Row]) -> list[str]:
     """Causes that there are, that with the largest share of its tolerance first: what to see to first."""
-    largest = {cause: max((row.share(cause) for row in _with(rows, cause)), default=None) for cause in CAUSES}
-    return sorted((cause for cause in CAUSES if largest[cause] is not None), key=lambda cause: -largest[cause])
+    largest = {cause: max(row.share(cause) for row in of) for cause in CAUSES if (of := _with(rows, cause))}
+    return sorted(largest, key=largest.get, reverse=True)
 
 
 def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION) -> str:
@@ -83,7 +87,7 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
     unsure = [row for row in rows if row.answer is not Answer.ENOUGH]
     uncovered = [row for row in unsure if all(verdict.how == NONE for verdict in row.of.values())]
     still = [row for row in rows if row.shows_nothing and row.answer not in FINE]
-    others = [row for row in rows if all(row is not other for other in uncovered)]
+    others = [row for row in rows if row not in uncovered]
     said = [
         *_ends(rows),
         *_by_causes("Too large", others, (Answer.TOO_LARGE,)),
@@ -92,9 +96,9 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
         *_list("Not measured" if how(rows) == MEASURED else "Not covered by any estimate", uncovered),
         *_contradictions(rows),
         *_enough(rows, what),
-        *_list("No tolerance", _that_are(rows, Answer.NO_TOLERANCE)),
+        *_list("No tolerance", [row for row in rows if row.answer is Answer.NO_TOLERANCE]),
     ]
-    is_assumed = any(not row.is_asked for row in rows)
+    is_assumed = any(not row.limit.is_asked for row in rows)
     assumed = f" ({100 * SHARE:g} % assumed; {how_to_ask})." if is_assumed else "."
     return " ".join(said).removesuffix(".") + assumed
 
@@ -124,7 +128,8 @@ def _by_causes(
         named = {row.name for row in own if row.of[cause].answer in besides}
         if names := _names(row for row in own if row.of[cause].answer in answers and row.name not in named):
             by_names.setdefault(names, []).append(TITLES[cause])
-    parts = [f"by {_and(causes)}: {names}" for names, causes in by_names.items()]
+    listed_causes = {names: [", ".join(x[:-1])] * (len(x) > 1) + x[-1:] for names, x in by_names.items()}
+    parts = [f"by {' and '.join(causes)}: {names}" for names, causes in listed_causes.items()]
     told = {row.name for row in of if _has_cause(row, (*besides, *answers))}  # by a cause, of another component too
     alone = _names(row for row in of if row.answer in answers and row.name not in told)
     said = [f"{word}, {'; '.join(parts)}."] if parts else []
@@ -135,16 +140,8 @@ def _has_cause(row: Row, answers: tuple[Answer, ...]) -> bool:
     return any(row.of[cause].answer in answers for cause in CAUSES if cause in row.of)
 
 
-def _and(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
-
-
 def _names(rows: Iterable[Row]) -> str:
     return listed(list(dict.fromkeys(row.name for row in rows)))
-
-
-def _that_are(rows: Sequence[Row], *answers: Answer) -> list[Row]:
-    return [row for row in rows if row.answer in answers]
 
 
 def _contradictions(rows: Sequence[Row]) -> list[str]:
@@ -160,7 +157,7 @@ def _contradictions(rows: Sequence[Row]) -> list[str]:
 
 def _enough(rows: Sequence[Row], what: str) -> list[str]:
     """That all is enough of which something was asked; nothing where something is not."""
-    enough = _that_are(rows, Answer.ENOUGH)
+    enough = [row for row in rows if row.answer is Answer.ENOUGH]
     if not enough or any(row.answer not in (*FINE, Answer.NOT_COVERED) for row in rows):
         return []
     which = f"every {what}" if len(enough) == len(rows) else _names(enough)
@@ -172,8 +169,10 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 
     The cause with the largest share of its tolerance stands first. rows : of all components.
     """
-    named = {row.name for row in rows if row.answer not in FINE and not _are_enough_alone(row)}
-    together = [row for row in rows if row.answer not in FINE and row.name not in named]
+    wrong = [row for row in rows if row.answer not in FINE]
+    by_cause = [row for row in wrong if row.shows_nothing or len(row.of) == 1 or _has_cause(row, WORSE)]
+    named = {row.name for row in by_cause}
+    together = [row for row in wrong if row.name not in named]  # no cause is too large, all of them together are
     told = [("sum", together), *((cause, _worth_a_sentence(rows, cause)) for cause in _largest_first(rows))]
     in_solves = len({row.solve for row in rows}) > 1
     return [_of_cause(of, cause, in_solves) for cause, of in told if of]
@@ -182,23 +181,11 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 def _worth_a_sentence(rows: Sequence[Row], cause: str) -> list[Row]:
     """The rows that a cause's sentence is about; none where those that would have to be judged are not."""
     of = _with(rows, cause)
-    told = [row for row in of if _is_worth_a_sentence(row, cause)]
+    told = [row for row in of if cause == "step" or not row.is_coarse]  # where steps resolve nothing, they come alone
+    told = [row for row in told if not row.shows_nothing or row.of[cause].answer is Answer.TOO_LARGE]
     is_open = any(row.is_coarse for row in of) and cause != "step"
     is_said = any(row.of[cause].answer not in FINE for row in told)
     return told if is_said or not is_open else []
-
-
-def _are_enough_alone(row: Row) -> bool:
-    """Whether no cause is too large, or not known, though all of them together are."""
-    has_causes = any(cause in row.of for cause in CAUSES)
-    return has_causes and not row.shows_nothing and not _has_cause(row, (Answer.TOO_LARGE, *UNSURE))
-
-
-def _is_worth_a_sentence(row: Row, cause: str) -> bool:
-    """Whether a cause is worth a sentence: where steps resolve nothing, they come first, alone."""
-    if row.shows_nothing:
-        return row.of[cause].answer is Answer.TOO_LARGE
-    return cause == "step" or not row.is_coarse
 
 
 def _of_cause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
@@ -235,7 +222,8 @@ def _word(verdict: Verdict) -> str:
 
 def table(rows: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
     """Return head and a line for each row, a column for each cause; what : rows are of."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(_has_size(row, cause) for row in rows)]
+    sizes = {cause: [row.of[cause].size for row in _with(rows, cause)] for cause in (*CAUSES, "sum")}
+    causes = [cause for cause, of in sizes.items() if any(size is not None for size in of)]
     with_bound = any(row.bound is not None for row in rows)
     word = how(rows)
     scopes = {row.scope for row in rows if row.bound is not None}
@@ -246,10 +234,6 @@ def table(rows: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
     if word != MEASURED:
         return lines
     return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, rows)], strict=True)]
-
-
-def _has_size(row: Row, cause: str) -> bool:
-    return cause in row.of and row.of[cause].size is not None
 
 
 def how(rows: Sequence[Row]) -> str:
@@ -272,12 +256,10 @@ def _beside(row: Row) -> tuple[str, ...]:
 
 def _cell(row: Row, cause: str) -> str:
     """Size, half width and share of one cause."""
-    verdict = row.of.get(cause)
-    if verdict is None:
+    if cause not in row.of:
         return ""
-    if verdict.size is None:
-        return verdict.answer.value
-    return size_in_words(verdict, "", row.extent)
+    verdict = row.of[cause]
+    return verdict.answer.value if verdict.size is None else size_in_words(verdict, "", row.extent)
 
 
 def size_in_words(verdict: Verdict, unit: str = "", of: float | None = None) -> str:

@@ -9,11 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..linear.estimators.causes import RESOLVED
-from .answers import Answer, worst
-from .cures import AGAIN, LOWEST_ORDER, SECOND_ORDER
+from .answers import NO_LIMIT, Answer, Limit, worst
+from .cures import AGAIN, CAUSES, LOWEST_ORDER, SECOND_ORDER
 
-CAUSES = ("modes", "interfaces", "step", "start")
-ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
 ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"
 COARSE = RESOLVED  # of what a sensor shows: an error of steps above it leaves nothing that could be judged
 TOO_COARSE = "steps resolve too little to tell it from their own error"
@@ -76,12 +74,11 @@ class Row:
     """What is known of one component of one output in one solve.
 
     largest : its largest absolute value; None where it was not read. extent : that of all components together, of
-    which shares are. of : verdicts by cause, CAUSES that there are, and "sum". bound : what its error is at most,
-    None: no finite bound, or not certified. scope : what the bound is of, if not of the whole error. axis : "x", "y",
-    "z", or "" where that is not known.
-    order, noise : of runs that measure; None elsewhere. tolerance : in its unit, None: it has none; is_asked : by the
-    user. estimated : of a measured row, the run's own estimate of the whole error. until : of a run that ended before
-    its end, when and by what.
+    which shares are. of : verdicts by cause, CAUSES that there are, and "sum". limit : its tolerance. axis : "x", "y"
+    or "z", "" where that is not known. bound : what its error is at most, None: no finite bound, or not certified.
+    scope : what the bound is of, if not of the whole error. order, noise : of runs that measure; None elsewhere.
+    estimated : of a measured row, the run's own estimate of the whole error. until : of a run that ended before its
+    end, when and by what.
     """
 
     name: str
@@ -91,16 +88,20 @@ class Row:
     largest: float | None
     extent: float | None
     of: dict[str, Verdict]
-    bound: float | None = None
-    scope: str = ""
-    tolerance: float | None = None
-    order: float | None = None
-    noise: float | None = None
+    limit: Limit = NO_LIMIT
     label: str = ""
     axis: str = ""
-    is_asked: bool = False
+    bound: float | None = None
+    scope: str = ""
+    order: float | None = None
+    noise: float | None = None
     estimated: Verdict | None = None
     until: str = ""
+
+    @property
+    def tolerance(self) -> float | None:
+        """In its unit; None: it has none."""
+        return self.limit.size
 
     @property
     def answer(self) -> Answer:
@@ -142,19 +143,6 @@ class Row:
         names = ("name", "component", "solve", "unit", "until", *NUMBERS)
         verdicts = {cause: None if cause not in self.of else self.of[cause].as_json() for cause in (*CAUSES, "sum")}
         return {name: getattr(self, name) for name in names} | {"axis": self.axis or None} | verdicts
-
-
-def verdicts_in(row: dict[str, Any]) -> dict[str, Verdict]:
-    """Return the verdicts that Row.as_json wrote, by cause."""
-    found = {cause: row[cause] for cause in (*CAUSES, "sum") if row.get(cause) is not None}
-    return {c: Verdict(x["size"], x["half_width"], x["how"], Answer(x["answer"])) for c, x in found.items()}
-
-
-class Limit(NamedTuple):
-    """A tolerance of one component in its unit, None: none; is_asked : by the user."""
-
-    size: float | None
-    is_asked: bool
 
 
 class Reservation(NamedTuple):

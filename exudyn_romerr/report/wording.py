@@ -22,7 +22,7 @@ from .scope import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from .data import OutputReport, ReportData
     from .scope import Doubt
@@ -117,27 +117,16 @@ def for_run_alone(scope: dict[str, str]) -> str:
     return f"{AS_IN_THIS_RUN}; {NOT_THE_MECHANISM}" if widest_scope(scope) == FROZEN else ""
 
 
-def at_most(out: OutputReport, bound: str, share: str = "", in_full: bool = True) -> str:
+def at_most(out: OutputReport, bound: str) -> str:
     """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
-    notes = "; ".join(filter(None, [share, not_certified(out.uncertified, in_full)]))
-    return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
+    why = not_certified(out.uncertified)
+    return f"bounded by {bound} ({why})" if why else f"at most {bound}"
 
 
-def check_name(check: str, doubts: Iterable[Doubt]) -> str:
-    """Return what a part of a half width is called: what bounds that are not certified leave is not proved."""
-    return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
-
-
-def not_certified(doubts: Iterable[Doubt], in_full: bool = True) -> str:
-    """Return in words that bounds are not certified, and, in full, why; empty: they are."""
+def not_certified(doubts: Iterable[Doubt]) -> str:
+    """Return in words that bounds are not certified, and why; empty: they are."""
     causes = causes_of(doubts)
-    return f"{NOT_CERTIFIED}{f': {causes}' if in_full else ''}" if causes else ""
-
-
-def bound_column(scope: dict[str, str], e: str = "best") -> str:
-    """Return what a column of bounds is called: beside estimates of a mechanism, with time steps, what it is of."""
-    of = widest_scope(scope) if e == "best" else scope[e]
-    return f"{'reduction error ' if of == COUPLED else ''}bound"
+    return causes and f"{NOT_CERTIFIED}: {causes}"
 
 
 def largest(x: np.ndarray) -> float:
@@ -145,18 +134,18 @@ def largest(x: np.ndarray) -> float:
     return float(np.max(np.abs(x), initial=0.0))
 
 
-def corrected_within(out: OutputReport, bound: np.ndarray, scope: dict[str, str], in_full: bool = True) -> str:
+def corrected_within(out: OutputReport, scope: dict[str, str]) -> str:
     """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
-    if not np.isfinite(bound).all():
+    if not np.isfinite(out.corrected_bound).all():
         return "how far the corrected output is from the full model is not known at all instants"
-    left, widest = with_unit(rounded_up(np.max(bound)), out.unit), widest_scope(scope)
-    doubt = not_certified(out.uncertified, in_full)
-    why = doubt and f" ({doubt})"
-    if widest == FROZEN:
-        return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body{why}"
-    if widest == COUPLED:
-        return f"to first order the corrected output is within {left} of the full model with the same time steps{why}"
-    return f"the corrected output is within {left} of the full model{why}"
+    under_what, model = {
+        FROZEN: (f"{AS_IN_THIS_RUN} ", "full body"),
+        COUPLED: ("to first order ", "full model with the same time steps"),
+        COMPLETE: ("", "full model"),
+    }[widest_scope(scope)]
+    left = with_unit(rounded_up(np.max(out.corrected_bound)), out.unit)
+    doubt = f" ({NOT_CERTIFIED})" if out.uncertified else ""
+    return f"{under_what}the corrected output is within {left} of the {model}{doubt}"
 
 
 def error_kind(time: str) -> str:
@@ -171,15 +160,31 @@ def instant(time: str, t: float) -> str:
 
 def estimator_lines(report: ReportData) -> list[str]:
     """Return a line for each estimator: its scope, the error of the whole body, what it assumes; then scope_lines."""
-    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
-    what, unit = "mass-weighted RMS error of position", " in the model's unit of length"
-    if report.total_mass is None:
-        what, unit = "error in the mass norm", ""
+    if report.bodies:
+        return [line for i, body in enumerate(report.bodies) for line in (f"  bodies[{i}]:", *estimator_lines(body))]
+    divisor, what, unit = 1.0, "error in the mass norm", ""
+    if report.total_mass is not None:
+        divisor, what = np.sqrt(report.total_mass), "mass-weighted RMS error of position"
+        unit = " in the model's unit of length"
     return [
         f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e, report.uncertified)} <= "
         f"{rounded_up(np.max(bound) / divisor)}{unit}; {report.reasons[e]}"
         for e, bound in report.position_bound.items()
     ] + [f"  {line}" for line in scope_lines(report)]
+
+
+def shared_lines(report: ReportData) -> list[str]:
+    """Return what is said of the bounds of all outputs: of a mechanism what all bodies share once."""
+    if report.position_bound:
+        return estimator_lines(report)
+    assumed = [f"{e}: {reason}" for e, reason in report.reasons.items()]
+    return [f"  {line}" for line in [*assumed, *numbered([scope_lines(one) for one in report.bodies or (report,)])]]
+
+
+def numbered(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines that are those of all bodies once, others with the number of their body."""
+    shared = [line for line in dict.fromkeys(lines[0]) if all(line in of for of in lines)]
+    return shared + [f"bodies[{i}]: {line}" for i, of in enumerate(lines) for line in of if line not in shared]
 
 
 def scope_lines(report: ReportData) -> list[str]:
@@ -195,13 +200,6 @@ def scope_lines(report: ReportData) -> list[str]:
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 
-def reason_of(report: ReportData, e: str) -> str:
-    """Return what an estimator assumes, and why it has its scope; see BoundReport.reason."""
-    is_widest = report.scope[e] == widest_scope(report.scope)
-    why = report.scope_reason if is_widest else with_doubts("", report.uncertified)
-    return "; ".join(filter(None, [report.reasons[e], why]))
-
-
 def outside(out: OutputReport, row: int, time: str) -> str:
     """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
@@ -213,10 +211,9 @@ def outside(out: OutputReport, row: int, time: str) -> str:
     return f"{where}: {steps}that truth is not the full model's, or the bound fails" if count else ""
 
 
-def is_known(out: OutputReport, row: int | None = None) -> bool:
-    """Return whether there is an estimate of one row, or of all, at every instant."""
-    rows = slice(None) if row is None else slice(row, row + 1)
-    return out.estimate is not None and bool(np.isfinite(out.estimate[:, rows]).all())
+def is_known(out: OutputReport) -> bool:
+    """Return whether there is an estimate of all rows at every instant."""
+    return out.estimate is not None and bool(np.isfinite(out.estimate).all())
 
 
 def parts_of(out: OutputReport) -> dict[str, np.ndarray]:
@@ -254,20 +251,13 @@ def said_first(report: ReportData) -> str:
     return FROZEN_FIRST
 
 
-def estimated_under(out: OutputReport, scope: dict[str, str]) -> str:
-    """Return what must be said with an estimate, in two words; "about" says that it is of first order."""
-    return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
-
-
-def off_by(out: OutputReport, row: int | None = None) -> str:
-    """Return in words how far the estimate of one row, or of all, is from the true error that was compared.
+def off_by(out: OutputReport) -> str:
+    """Return in words how far the estimate is from the true error that was compared.
 
     A truth with the same time steps has nothing of their error: then of the estimate without it, too.
     """
-    rows = slice(None) if row is None else slice(row, row + 1)
-    true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
-    off, without = (largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
-    said, other = (_share_of_it(x, largest(true), out.unit) for x in (off, without))
+    off, without = (largest(out.error - out.estimate + x) for x in (0.0, out.estimate_parts.get("time step", 0.0)))
+    said, other = (_share_of_it(x, largest(out.error), out.unit) for x in (off, without))
     beside = f", without its time steps by {other}" if without < off else ""
     return f"the estimate is off by up to {said}{beside}"
 

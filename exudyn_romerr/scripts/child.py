@@ -1,13 +1,13 @@
 """A process that runs a script once more, changed as a request says: python -m exudyn_romerr.scripts.child FILE.
 
-FILE is JSON; what came of it is written beside it: FILE.result.json, FILE.result.npz. Ends with its parent.
+FILE is a pickle, and so is what came of it: FILE.result. Ends with its parent.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import json
 import os
+import pickle
 import sys
 import tempfile
 import threading
@@ -20,15 +20,19 @@ from .execute import Ending, execute
 from .overlay import Overlay, write_only_in
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from types import ModuleType
+
+    from ..report.judgement import Solve
+    from ..report.verdicts import Row
 
 ORPHANED = 5  # exit status of a process whose parent has gone
 
 
 def main(path: str) -> None:
     """Run what a request asks for."""
-    with open(path, encoding="utf-8") as file:
-        request = json.load(file)
+    with open(path, "rb") as file:
+        request = pickle.load(file)
     scratch = os.path.dirname(os.path.abspath(path))
     overlay = Overlay(_made(scratch, "run"), request["home"], (scratch, request["temporary"]))
     _end_with_parent(overlay)
@@ -38,7 +42,10 @@ def main(path: str) -> None:
     write_only_in(overlay.free)
     begin = process_time()
     ending = child.run()
-    child.write(f"{path}.result", ending, process_time() - begin)
+    found = child.found(ending, process_time() - begin)
+    with open(f"{path}.part", "wb") as file:
+        pickle.dump(found, file)
+    os.replace(f"{path}.part", f"{path}.result")
 
 
 def _made(folder: str, name: str) -> str:
@@ -79,7 +86,9 @@ class _Child:
         """Run the script, or the function that makes and solves the scene."""
         with ExitStack() as stack:
             stack.enter_context(after_import("exudyn", self._meet))
-            stack.enter_context(after_import("exudyn.FEM", self._meet_fem))
+            stack.enter_context(
+                after_import("exudyn.FEM", lambda fem: self.variation and self.variation.install_fem(fem))
+            )
             if self.request["function"]:
                 return self._built()
             ending = execute(self.request["script"], self.request["arguments"])
@@ -114,7 +123,7 @@ class _Child:
         self.variation = Variation(
             self.bodies,
             request["steps"],
-            self._given(),
+            pickle.loads(request["vectors"]),  # not before: whoever reads arrays imports numpy
             request["factor"],
             request["hold"],
             self.overlay.place,
@@ -123,19 +132,6 @@ class _Child:
             request["further"],
         )
         self.variation.install(exudyn)
-
-    def _meet_fem(self, fem: ModuleType) -> None:
-        if self.variation is not None:
-            self.variation.install_fem(fem)
-
-    def _given(self) -> dict[int, Any]:
-        """The vectors to put beside the modes of bodies, by their order."""
-        if not self.request["vectors"]:
-            return {}
-        import numpy as np
-
-        with np.load(self.request["vectors"]) as file:
-            return {int(name): file[name] for name in file.files}
 
     def _make_vectors(self, mbs: Any) -> None:
         """Make vectors of each body when the first solve with it begins."""
@@ -153,60 +149,43 @@ class _Child:
                     self.notes.append(f"body {body.number}: {error}")
         self.vector_seconds += monotonic() - begin
 
-    def write(self, path: str, ending: Ending, seconds: float) -> None:
-        """Write what came of it."""
-        arrays: dict[str, Any] = {}
-        solves = [] if self.variation is None else self.variation.solves
-        for i, solve in enumerate(solves):
-            arrays |= {f"solve {i} {j}": data for j, data in enumerate(solve.data)}
-        for order, found in self.vectors.items():
-            if found is not None:
-                arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
-        contents = self._contents(arrays)
+    def found(self, ending: Ending, seconds: float) -> dict[str, Any]:
+        """Return what came of it, as Result has it."""
+        variation, watched = self.variation, [] if self.watched is None else self.watched.solves
+        solves = [] if variation is None else variation.solves
         facts = {
-            "contents": contents,
-            "calls": [] if self.variation is None else self.variation.calls,
-            "our_seconds": sum(solve.our_seconds for solve in self.watched.solves) if self.watched else 0.0,
+            "calls": [] if variation is None else variation.calls,
+            "our_seconds": sum(solve.our_seconds for solve in watched),
             "status": ending.status,
             "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,
             "peak": _peak_memory(),
-            "solves": [{key: value for key, value in vars(solve).items() if key != "data"} for solve in solves],
             "solve_seconds": sum(solve.seconds for solve in solves),
             "vector_seconds": self.vector_seconds,
-            "has_controllers": self.variation is not None and self.variation.has_controllers,
+            "has_controllers": variation is not None and variation.has_controllers,
             "modes": [] if self.bodies is None else self.bodies.modes,
             "bodies": 0 if self.bodies is None else self.bodies.count,
-            "may_be_rigid": self.variation is None or self.variation.may_be_rigid,
+            "may_be_rigid": variation is None or variation.may_be_rigid,
             "without_vectors": [order for order, found in self.vectors.items() if found is None],
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
-            "rows": self._rows(),
+            "rows": self._rows(watched),
         }
-        import numpy as np
+        return {
+            "solves": [vars(solve) for solve in solves],
+            "vectors": {order: tuple(found) for order, found in self.vectors.items() if found is not None},
+            "facts": facts,
+            "contents": {(solve.number, name): one for solve in watched for name, one in solve.content.items()},
+        }
 
-        np.savez(f"{path}.npz", **arrays)
-        with open(f"{path}.json", "w", encoding="utf-8") as file:
-            json.dump(facts, file)
-
-    def _rows(self) -> list[dict[str, Any]]:
-        """What a watched run says of itself, as --json has it."""
-        if self.watched is None:
+    def _rows(self, watched: Sequence[Solve]) -> list[Row]:
+        """What a watched run says of itself."""
+        if not watched:
             return []
         from ..report.answers import Tolerances
         from ..report.judgement import rows_of_solve
 
         asked = Tolerances(self.request["tolerance"])
-        return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, asked)]
-
-    def _contents(self, arrays: dict[str, Any]) -> list[dict[str, Any]]:
-        """Put what further modes would do into arrays; of each (solve, sensor) a dict."""
-        found = []
-        for solve in () if self.watched is None else self.watched.solves:
-            for name, one in solve.content.items():
-                arrays |= {f"{what} {len(found)}": getattr(one, what) for what in ("known", "step", "rest")}
-                arrays |= {f"parts {len(found)} {call}": x for call, x in one.parts.items()}
-                found.append({"solve": solve.number, "name": name, "calls": [*one.parts]})
-        return found
+        return [row for solve in watched for row in rows_of_solve(solve, asked)]
 
 
 def _in_a_line(error: BaseException) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
+import pickle
 import shutil
 import signal
 import subprocess
@@ -11,13 +11,14 @@ import sys
 import tempfile
 import threading
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
-from ..mode_selection.modal_content import Content
+    from ..mode_selection.modal_content import Content
 
 QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "PYTHONDONTWRITEBYTECODE": "1"}
 TAIL = 400  # characters of what a process printed last
@@ -127,13 +128,10 @@ def _kill(process: subprocess.Popen) -> None:
 
 
 def _run_in(folder: str, request: Request) -> Result:
-    path, log = os.path.join(folder, "request.json"), os.path.join(folder, "printed.txt")
-    given = asdict(request) | {"vectors": None, "temporary": tempfile.gettempdir()}
-    if request.vectors:
-        given["vectors"] = os.path.join(folder, "vectors.npz")
-        np.savez(given["vectors"], **{str(order): P for order, P in request.vectors.items()})
-    with open(path, "w", encoding="utf-8") as file:
-        json.dump(given, file)
+    path, log = os.path.join(folder, "request"), os.path.join(folder, "printed.txt")
+    with open(path, "wb") as file:
+        own = {"vectors": pickle.dumps(request.vectors), "temporary": tempfile.gettempdir()}
+        pickle.dump(vars(request) | own, file)
     environment = {**os.environ, **QUIET}
     if request.threads:
         environment.setdefault("OPENBLAS_NUM_THREADS", request.threads)
@@ -170,30 +168,13 @@ _PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__fil
 
 def _read(name: str, path: str, log: str, status: int) -> Result:
     """What a process has left."""
-    if not os.path.exists(f"{path}.result.json"):
+    if not os.path.exists(f"{path}.result"):
         return Result(name, _failure(status, log))
-    with open(f"{path}.result.json", encoding="utf-8") as file:
-        facts = json.load(file)
-    with np.load(f"{path}.result.npz") as file:
-        arrays = dict(file)
-    solves = [
-        {**solve, "data": [arrays[f"solve {i} {j}"] for j in range(len(solve["names"]))]}
-        for i, solve in enumerate(facts["solves"])
-    ]
-    orders = [int(key[2:]) for key in arrays if key.startswith("P ")]
-    vectors = {order: (arrays[f"P {order}"], arrays[f"keeps {order}"]) for order in orders}
-    failure = ""
-    if facts["status"] and not solves:
-        failure = ASKS if facts["error"].startswith(ASKED) else (facts["error"] or _failure(facts["status"], log))
-    return Result(name, failure, solves, vectors, facts, _contents(facts["contents"], arrays))
-
-
-def _contents(of: list[dict[str, Any]], arrays: dict[str, np.ndarray]) -> dict[tuple[int, str], Content]:
-    found = {}
-    for i, one in enumerate(of):
-        parts = {call: arrays[f"parts {i} {call}"] for call in one["calls"]}
-        known, *others = (arrays[f"{what} {i}"] for what in ("known", "step", "rest"))
-        found[one["solve"], one["name"]] = Content(known, parts, *others)
+    with open(f"{path}.result", "rb") as file:
+        found = Result(name, **pickle.load(file))
+    error, status = found.facts["error"], found.facts["status"]
+    if status and not found.solves:
+        found.failure = ASKS if error.startswith(ASKED) else error or _failure(status, log)
     return found
 
 

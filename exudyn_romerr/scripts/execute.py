@@ -67,8 +67,8 @@ def check_script(path: str | os.PathLike) -> str:
     return script
 
 
-def execute(script: str, arguments: Sequence[str] = (), name: str = "__main__") -> Ending:
-    """Run a script in this process, in a new module of that name; what it raises is in the Ending, not raised.
+def execute(script: str, arguments: Sequence[str] = ()) -> Ending:
+    """Run a script in this process, in a new module __main__; what it raises is in the Ending, not raised.
 
     Modules, sys.argv, sys.path are those of this process again afterwards.
 
@@ -78,7 +78,7 @@ def execute(script: str, arguments: Sequence[str] = (), name: str = "__main__") 
         No such script.
     """
     script = check_script(script)
-    module = ModuleType(name)
+    module = ModuleType("__main__")
     with _as_main(module, script, arguments):
         try:
             code = _compiled(module.__file__)

@@ -18,7 +18,7 @@ from ..report.formats.atomic_write import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ..report.answers import Tolerances
+    from ..report.answers import Answer, Tolerances
     from ..report.judgement import Judgement
 
 ENDINGS = {"save": (".npz",), "html": (".html", ".htm"), "plot": (".png", ".svg", ".pdf"), "json": (".json",)}
@@ -48,13 +48,38 @@ def checked_files(given: dict[str, str | None]) -> dict[str, str]:
     return found
 
 
-class Judged:
-    """What a Run and a Verification answer alike, by their judgement and the tolerances that were asked for."""
+class Answered:
+    """What came of runs beside the tolerances that were asked for: an exit status, and JSON."""
+
+    tolerances: Tolerances
+    _overall: Answer  # that counts for all sensors
+    misspelt: list[str]  # a line for each name in a tolerance that no sensor has
+    as_json: Callable[[], dict[str, Any]]
+
+    @property
+    def status(self) -> int:
+        """Exit status: 0, or with a tolerance that of the answer; 2: one of a sensor that there is not."""
+        if not self.tolerances.is_given:
+            return 0
+        return WRONG_USAGE if self.misspelt else STATUS[self._overall]
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
+        text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
+        write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))
+
+
+class Judged(Answered):
+    """What a Run and a Verification answer alike, by their judgement."""
 
     script: str
-    tolerances: Tolerances
     judgement: Judgement
-    as_json: Callable[[], dict[str, Any]]
+    _of_solves: Callable[[], dict[str, Any]]  # what --json writes of solves, and CPU time of all
+
+    @property
+    def _overall(self) -> Answer:
+        """The answer that counts for all sensors."""
+        return self.judgement.answer
 
     @property
     def misspelt(self) -> list[str]:
@@ -66,29 +91,17 @@ class Judged:
         """What --json writes of sensors: a dict for every component of every sensor in every solve."""
         return [row.as_json() for row in self.judgement.rows]
 
-    def _status(self) -> int:
-        """That of the answer; a name in a tolerance that no sensor has is wrong usage; without a tolerance 0."""
-        if not self.tolerances.is_given:
-            return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
-
-    def _json(self, of_solves: dict[str, Any], seconds: float) -> dict[str, Any]:
-        """What --json writes, with what is said of solves, and CPU time of all."""
+    def as_json(self) -> dict[str, Any]:
+        """Return what --json writes; docs/answer.schema.json has the fields."""
         return {
             "script": self.script,
-            "answer": self.judgement.answer.value if self.judgement.rows else None,
+            "answer": self._overall.value if self.judgement.rows else None,
             "sensors": self.rows,
-            **of_solves,
+            **self._of_solves(),
             "misspelt": self.misspelt,
             "notes": self.judgement.notes,
-            "cpu_s": seconds,
             "version": __version__,
         }
-
-    def _write_json(self, path: str | os.PathLike) -> None:
-        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
-        text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
-        write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))
 
 
 def tried(path: str, write: Callable[[], None]) -> str:

@@ -11,10 +11,11 @@ import ctypes
 import os
 import shutil
 import sys
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {  # events, and which of their arguments are paths that change
@@ -102,40 +103,39 @@ class Overlay:
         if _within(full, self._free[0]) and not self._is_inside(full):  # a temporary file of this run
             return path
         inside = self._inside(full)
-        self._is_busy = True
-        try:
+        with self._busy():
             self._own(inside, keep)
             os.makedirs(os.path.dirname(inside), exist_ok=True)
-        finally:
-            self._is_busy = False
         return inside if os.path.isabs(path) else path
+
+    @contextmanager
+    def _busy(self) -> Iterator[None]:
+        """What is done here raises events, too, which are none of the script's."""
+        was_busy, self._is_busy = self._is_busy, True
+        try:
+            yield
+        finally:
+            self._is_busy = was_busy
 
     def _folder(self, inside: str) -> str:
         """Return a folder of this run, made of links to what is in the one that it stands for."""
-        was_busy, self._is_busy = self._is_busy, True
-        try:
+        with self._busy():
             self._own(os.path.join(inside, "x"))
-        finally:
-            self._is_busy = was_busy
         return inside
 
     def _audit(self, event: str, arguments: tuple) -> None:
         if self._is_busy or self._is_removed or (event != "open" and event not in CHANGES):
             return
-        self._is_busy = True  # what is done here raises events, too
-        try:
-            if event == "open":
-                path, _, flags = arguments
-                if isinstance(path, str | bytes | os.PathLike) and flags & WRITES:
-                    self._allow(os.fsdecode(path), keep=not flags & os.O_TRUNC)
-            else:
-                for i in CHANGES[event]:
-                    if isinstance(arguments[i], str | bytes | os.PathLike):
-                        self._allow(os.fsdecode(arguments[i]), as_link=event in ON_LINKS)
-        finally:
-            self._is_busy = False
+        is_open = event == "open"
+        if is_open and not arguments[2] & WRITES:
+            return
+        keep = not (is_open and arguments[2] & os.O_TRUNC)
+        with self._busy():
+            for path in (arguments[i] for i in ((0,) if is_open else CHANGES[event])):
+                if isinstance(path, str | bytes | os.PathLike):
+                    self._allow(os.fsdecode(path), keep, event in ON_LINKS)
 
-    def _allow(self, path: str, keep: bool = True, as_link: bool = False) -> None:
+    def _allow(self, path: str, keep: bool, as_link: bool) -> None:
         """Make a path the script's own, or refuse it; keep : its contents; as_link : only the way to it."""
         full = self._full(path)
         real = os.path.realpath(full)

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any
 
 from ..report.answers import tolerances_of
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from types import ModuleType
 
+    from ..mode_selection.mode_table import ModeTable
     from ..report.answers import Tolerances
     from ..report.judgement import Judgement, Solve
     from ..report.report import BoundReport
@@ -71,10 +72,9 @@ class Run(Judged):
 
         A name in a tolerance that no sensor has is wrong usage.
         """
-        return self.ending.status or self._status()
+        return self.ending.status or super().status
 
-    def as_json(self) -> dict[str, Any]:
-        """Return what --json writes; docs/answer.schema.json has the fields."""
+    def _of_solves(self) -> dict[str, Any]:
         solves = [
             {
                 "number": solve.number,
@@ -86,8 +86,8 @@ class Run(Judged):
             }
             for solve in self.solves
         ]
-        of_solves = {"bodies": sum(solve.bodies for solve in self.solves), "solves": solves}
-        return self._json(of_solves, sum(solve.seconds + solve.our_seconds for solve in self.solves))
+        seconds = sum(solve.seconds + solve.our_seconds for solve in self.solves)
+        return {"bodies": sum(solve.bodies for solve in self.solves), "solves": solves, "cpu_s": seconds}
 
     def __str__(self) -> str:
         from ..report.judgement import text
@@ -136,7 +136,8 @@ def run(
         ending = execute(path, arguments)
         for solve in watching.solves if units else ():
             _name_units(solve, units)
-        notes = [*watching.notes()] if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
+        error = f"{type(ending.error).__name__}: {ending.error}"
+        notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
         return Run(path, ending, watching.solves, notes, tolerances)
 
 
@@ -144,7 +145,7 @@ def _name_units(solve: Solve, units: str) -> None:
     from ..report.data import name_units
 
     report = solve.report
-    for one in () if report is None else (report, *getattr(report, "bodies", ())):
+    for one in () if report is None else (report, *report.bodies):
         name_units(one.outputs.values(), units)
 
 
@@ -209,43 +210,54 @@ class _Watching:
         self._stack.callback(setattr, process.BaseProcess, "start", start)
 
 
-def _in_a_line(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
-
-
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def write_files(run: Run, files: dict[str, str]) -> list[str]:
-    """Write what was asked for; return a line for each file: where it is, or why it is not."""
-    return [line for option, path in files.items() for line in _written(run, option, path)]
+    """Write what was asked for; return a line for each file: where it is, or why it is not.
+
+    Of several solves each has a file with its number.
+    """
+    lines = []
+    for option, path in files.items():
+        if option == "json":
+            lines.append(tried(path, partial(run.save, path)))
+            continue
+        stem, ending = os.path.splitext(path)
+        reports = {solve.number: solve.report for solve in run.solves if solve.report is not None}
+        for number, report in reports.items():
+            to = path if len(reports) == 1 else f"{stem}_{number}{ending}"
+            lines.append(tried(to, partial(_write, report, option, to, run.tolerances)))
+        lines += [] if reports else [f"not written: {path}: no solve has a report"]
+    return lines
 
 
-def _written(run: Run, option: str, path: str) -> list[str]:
-    if option == "json":
-        return [tried(path, lambda: run._write_json(path))]
-    if not run.reports:
-        return [f"not written: {path}: no solve has a report"]
-    return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]
-
-
-def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
-    """Reports with the names of their files; of several solves each has its number."""
-    if len(run.reports) == 1:
-        return [(run.reports[0], path)]
-    stem, ending = os.path.splitext(path)
-    return [(solve.report, f"{stem}_{solve.number}{ending}") for solve in run.solves if solve.report is not None]
-
-
-def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
+def _write(report: BoundReport, option: str, path: str, tolerances: Tolerances) -> None:
     from ..report.formats.html_page import write_page
     from ..report.plots.panels import plot_report
 
     if option == "save":
         report.save(path)
     else:
-        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=run.tolerances)
+        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=tolerances)
+
+
+def mode_tables(done: Run) -> tuple[list[ModeTable], list[str]]:
+    """Return the mode tables of all bodies in all solves, and lines: all of them, and why there are no others."""
+    from ..mbs.studies.mode_table import mode_table
+
+    tables, lines = [], []
+    for solve in done.solves:
+        lines += [f"Solve {solve.number} ({solve.kind}):"] if len(done.solves) > 1 else []
+        lines += [f"{which}: {why}" for which, why in solve.refused]
+        for flex in solve.flexes:
+            tables.append(mode_table(flex, solve.report))
+            lines.append(f"{tables[-1]}\n")
+        lines += (
+            [] if solve.report else [f"What the run tells of modes is not known: {solve.failure or solve.until}."]
+        )
+    return tables, [*lines, *done.notes]
 
 
 def show(text: str) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -17,13 +16,16 @@ from ..checks import check_choice
 from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
-from ..report.answers import SHARE, STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of
-from ..report.formats.atomic_write import write_whole
-from ..report.table import aligned
-from ..report.verdicts import CAUSES
+from ..report.answers import SHARE, Answer, Limit, Tolerances, tolerances_of
+from ..report.cures import CAUSES
+from ..report.table import TITLES, aligned
 from ..report.wording import digits, rounded_up
 from .child_run import Request, Result, run_child
 from .execute import check_script
+from .files import Answered
+
+if TYPE_CHECKING:
+    from ..report.verdicts import Row
 
 RUNS = 6  # at most, the script's own one with them
 FURTHER = 8  # modes beyond those of a run, of which it forecasts errors
@@ -33,7 +35,6 @@ TIMES = (1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8)  # the tolerance: what else a run time
 NO_CALL = "no call of the script's that makes modes of its bodies has a number to vary: the step alone is looked at"
 NO_STEP = "no dynamic solve with fixed steps: modes alone are looked at"
 STILL = "not looked at, for they show 0 throughout: {}"
-TITLE = {"interfaces": "rigid interfaces"}
 CURES = {
     "modes": "too few modes, or too few kinds of them",
     "interfaces": "rigid interfaces alone, which no number of modes and no step cures: RBE3 modes do",
@@ -43,7 +44,7 @@ CURES = {
 
 
 @dataclass
-class Tuning:
+class Tuning(Answered):
     """What `tune` found; print it.
 
     Attributes
@@ -77,17 +78,12 @@ class Tuning:
         """That of the run found, or of the closest."""
         return self.closest.answer
 
+    _overall = answer
+
     @property
     def all_seconds(self) -> float:
         """CPU time of all runs, and of what was told of them."""
         return sum(run.all_seconds for run in self.runs)
-
-    @property
-    def status(self) -> int:
-        """Exit status: 0, or with a tolerance that of the answer; 2: one of a sensor that there is not."""
-        if not self.tolerances.is_given:
-            return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.answer]
 
     @cached_property
     def table(self) -> list[dict[str, Any]]:
@@ -120,7 +116,8 @@ class Tuning:
             "cpu_s": seconds,
             "how": "forecast" if answer is None else "run",
             "answer": answer and answer.value,
-            **{name: row[name] for name in ("name", "axis", "solve", "unit", "tolerance")},
+            **{name: getattr(row, name) for name in ("name", "solve", "unit", "tolerance")},
+            "axis": row.axis or None,
             **{cause: _finite(of.of.get(cause)) for cause in (*CAUSES, "sum")},
             "ratio": _finite(of.ratio),
             "is_found": self.found is not None and pair == self.found.pair,
@@ -130,18 +127,8 @@ class Tuning:
         """Return what --json writes: sizes with half widths, in the sensors' units; ratio : to the tolerance."""
         found = self.found and {"numbers": [*self.found.pair.numbers], "steps": self.found.pair.steps}
         known = {"answer": self.answer.value, "found": found, "table": self.table, "calls": self.calls}
-        said = {
-            "misspelt": self.misspelt,
-            "notes": self.notes,
-            "failed": self.failed or None,
-            "cpu_s": self.all_seconds,
-        }
-        return {"script": self.script, **known, **said, "version": __version__}
-
-    def save(self, path: str | os.PathLike) -> None:
-        """Write the table as JSON; InputError if the file cannot be written."""
-        text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
-        write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))
+        said = {"misspelt": self.misspelt, "notes": self.notes, "failed": self.failed or None}
+        return {"script": self.script, **known, **said, "cpu_s": self.all_seconds, "version": __version__}
 
     def plot(self, path: str | os.PathLike) -> Any:
         """Draw errors beside their tolerances against CPU time, the pair found marked; return the figure."""
@@ -156,40 +143,31 @@ class Tuning:
         return "\n".join([*lines, *assumed, "", *self._printed_table()])
 
     def _said(self) -> str:
-        own, best = self.runs[0], self.found
-        if best is None:
-            return self._why_none()
+        own, best, closest = self.runs[0], self.found, self.closest
+        answer, measured = closest.answer.value.capitalize(), f"romerr verify {self.script} measures"
         if best is own:
             return f"Enough: {self._named(own)}, as the script has it; no pair that is cheaper is expected to be."
-        times = best.seconds / own.seconds
-        share = f"{times:.2g} times the CPU time" if times > 1 else f"{100 * times:.0f} % of the CPU time"
-        return (
-            f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
-            f"Solves take {share}."
-        )
-
-    def _why_none(self) -> str:
-        run = self.closest
-        if not run.is_covered:
-            why = next(
-                (row["sum"]["reason"] for row in run.rows if row["sum"]["reason"]), "there is no sensor to judge"
+        if best is not None:
+            times = best.seconds / own.seconds
+            share = f"{times:.2g} times the CPU time" if times > 1 else f"{100 * times:.0f} % of the CPU time"
+            return (
+                f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
+                f"Solves take {share}."
             )
-            return f"{run.answer.value.capitalize()}: {why}; romerr verify {self.script} measures the error."
-        worst = run.worst
+        if not closest.is_covered:
+            why = next((why for row in closest.rows if (why := row.of["sum"].reason)), "there is no sensor to judge")
+            return f"{answer}: {why}; {measured} the error."
+        worst = closest.worst
         cause = max((c for c in CAUSES if c in worst.of), key=lambda c: worst.of[c])
         return (
-            f"{run.answer.value.capitalize()}: no pair was found that is enough. Closest: {self._named(run)}; "
-            f"what is left at {worst.row['name']} is mostly {CURES[cause]}. romerr verify {self.script} measures it."
+            f"{answer}: no pair was found that is enough. Closest: {self._named(closest)}; what is left at "
+            f"{worst.row.name} is mostly {CURES[cause]}. {measured} it."
         )
 
     def _named(self, run: PairRun) -> str:
-        numbers = self._counts(run.pair.numbers)
+        numbers = run.counts(run.pair.numbers)
         modes = "1 mode" if numbers == "1" else f"{numbers} modes"
         return f"{numbers and f'{modes} and '}{run.pair.steps} steps"
-
-    def _counts(self, numbers: Sequence[int]) -> str:
-        """Numbers of those calls whose modes a body has that is known."""
-        return _counts(numbers, self.runs[0].most)
 
     def _to_write(self) -> list[str]:
         """Lines for the script."""
@@ -207,30 +185,16 @@ class Tuning:
 
     def _printed_table(self) -> list[str]:
         causes = [cause for cause in CAUSES if any(line[cause] is not None for line in self.table)]
-        head = (
-            "modes",
-            "steps",
-            "CPU s",
-            *(f"{TITLE.get(c, c)} about" for c in causes),
-            "whole about",
-            "of its tolerance",
-            "at",
-            "how",
-        )
-        lines = [head, *(self._cells(line, causes) for line in self.table)]
+        sizes = [f"{TITLES[cause]} about" for cause in causes]
+        lines = [("modes", "steps", "CPU s", *sizes, "whole about", "of its tolerance", "at", "how")]
+        for line in self.table:
+            counts = self.runs[0].counts(line["numbers"]) or "-"
+            sizes = ("not known" if line[x] is None else rounded_up(line[x], 2) for x in (*causes, "sum"))
+            ratio = "not known" if line["ratio"] is None else f"{digits(100 * line['ratio'], 2)} %"
+            at = f"{line['name']} {line['axis'] or ''}".rstrip()
+            how = f"run: {line['answer']}{', found' * line['is_found']}" if line["answer"] else "forecast"
+            lines.append((counts, str(line["steps"]), digits(line["cpu_s"], 2), *sizes, ratio, at, how))
         return aligned(lines) if self.table else []
-
-    def _cells(self, line: dict[str, Any], causes: Sequence[str]) -> tuple[str, ...]:
-        sizes = ("not known" if line[c] is None else f"{rounded_up(line[c], 2)}" for c in (*causes, "sum"))
-        ratio = "not known" if line["ratio"] is None else f"{digits(100 * line['ratio'], 2)} %"
-        at = f"{line['name']} {line['axis'] or ''}".rstrip()
-        how = f"run: {line['answer']}" if line["answer"] else "forecast"
-        first = (self._counts(line["numbers"]) or "-", str(line["steps"]), digits(line["cpu_s"], 2))
-        return (*first, *sizes, ratio, at, how + (", found" if line["is_found"] and line["answer"] else ""))
-
-
-def _counts(numbers: Sequence[int], calls: Iterable[int]) -> str:
-    return ", ".join(str(numbers[call]) for call in sorted(calls))
 
 
 def _finite(x: float | None) -> float | None:
@@ -289,25 +253,26 @@ def tune(
     )
     runs = _Runs(plain, progress or (lambda said: None))
     first = runs.first()
-    names = [row["name"] for row in runs.own.facts["rows"]]
+    rows = runs.own.facts["rows"]
     varies_modes, varies_steps = only != "step" and bool(first.most), only != "modes" and runs.is_fixed
     notes = [NO_CALL] * (only != "step" and not first.most and first.is_covered)
     notes += [NO_STEP] * (only != "modes" and not runs.is_fixed)
-    still = dict.fromkeys(row["name"] for row in runs.own.facts["rows"] if row["extent"] == 0)
+    still = dict.fromkeys(row.name for row in rows if row.shows_nothing)
     notes += [STILL.format(", ".join(still))] if still else []
     static = sum(runs.own.facts["modes"]) - sum(first.pair.numbers)
     logic = PairSearch(
         varies_modes, varies_steps, max(static, 1), first.pair.steps / _most_apart(runs.own, first.rows)
     )
     tried, failed = search(lambda pair: first if pair is None else runs.made(pair), [None], logic.wanted, RUNS)
+    wrong = tolerances.misspelt(row.name for row in rows)
     said = f"{failed[0].numbers} modes, {failed[0].steps} steps: {failed[1]}" if failed else ""
     calls = runs.own.facts["calls"]
-    return Tuning(os.fspath(script), tolerances, tried, calls, logic, said, tolerances.misspelt(names), notes)
+    return Tuning(os.fspath(script), tolerances, tried, calls, logic, said, wrong, notes)
 
 
-def _most_apart(own: Result, rows: Sequence[dict[str, Any]]) -> int:
+def _most_apart(own: Result, rows: Sequence[Row]) -> int:
     """How many times the step may be, if a curve through values at steps is to show those between them."""
-    limits = {(row["solve"], row["name"]): row["tolerance"] for row in rows if row["tolerance"]}
+    limits = {(row.solve, row.name): row.tolerance for row in rows if row.tolerance}
     most = STRIDES[-1]
     for (i, name), limit in limits.items():
         solve = own.solves[i]
@@ -354,13 +319,12 @@ class _Runs:
     def _read(self, result: Result, pair: Pair) -> PairRun:
         facts = result.facts
         seconds = max(facts["solve_seconds"] - facts["our_seconds"], 1e-3)
-        rows = [
-            row for row in facts["rows"] if row["sum"]["answer"] != Answer.NO_TOLERANCE.value and row["extent"] != 0
-        ]
-        rows = [row | {"tolerance": row["tolerance"] or 1.0} for row in rows]  # where nothing was read there is none
+        rows = [row for row in facts["rows"] if row.answer is not Answer.NO_TOLERANCE and not row.shows_nothing]
+        # where nothing was read there is none
+        rows = [row if row.tolerance else replace(row, limit=Limit(1.0, row.limit.is_asked)) for row in rows]
         found = PairRun(pair, rows, result.contents, seconds, result.seconds)
         said = found.answer.value if rows else "nothing to judge"
-        modes = _counts(pair.numbers, found.most) or "own"
+        modes = found.counts(pair.numbers) or "own"
         self._tell(f"{modes} modes, {pair.steps} steps: {said}, {seconds:.2g} s of CPU time in solves")
         return found
 

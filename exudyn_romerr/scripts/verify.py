@@ -15,14 +15,13 @@ from ..checks import check_choice
 from ..errors import InputError, RunError
 from ..process.interrupts import interrupt_deferred
 from ..report.answers import Answer, Tolerances, tolerances_of, worst
+from ..report.cures import CAUSES
 from ..report.judgement import Judgement, Solve, text
-from ..report.verdicts import CAUSES, beside_estimate
+from ..report.verdicts import beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import disagreements, rows_of_signal
+from .compared import STRESS, disagreements, estimates, rows_of_signal, signals
 from .execute import check_script
 from .files import Judged
-from .forecast import Forecast, forecast_of
-from .signals import STRESS, estimates, signals
 
 CONTROLLERS = ("follow", "hold")
 MEMORY_SHARE = 0.8  # of what is free: runs together may take so much
@@ -31,6 +30,8 @@ TICK = 5.0  # s between two lines of progress
 AFTER, PROGRESS = "{}: {}, {:.0f} s left", "about {:.0f} %, {:.0f} s left"
 PLANNED = "{} more runs, {} at a time, about {:.0f} s; Ctrl-C shows what is there"
 FINER = {"half": 2, "quarter": 4}
+# times the CPU time of a solve, about: known better once the first of the other runs has ended
+WITH_VECTORS, WATCHED = 2.5, 3.0
 NOTES = {
     "follow": "PreStep functions are called at every step, shorter ones too (--controllers follow)",
     "hold": "PreStep functions are called at the steps of the unchanged run (--controllers hold)",
@@ -69,11 +70,6 @@ class Verification(Judged):
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
         return Judgement(rows, solves, [*self.notes, *disagreements(self.results)])
 
-    @property
-    def status(self) -> int:
-        """Exit status: 0, or with a tolerance that of the answer."""
-        return self._status()
-
     def answer(self, name: str, tolerance: float | str, cause: str | None = None) -> str:
         """Return "enough", "too large", "not known" or "not covered" for a sensor, of the whole error or one cause.
 
@@ -91,21 +87,14 @@ class Verification(Judged):
         of = [row.of[cause or "sum"].answer for row in found if (cause or "sum") in row.of]
         return worst(of or [Answer.NOT_COVERED]).value
 
-    def save(self, path: str | os.PathLike) -> None:
-        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
-        self._write_json(path)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what --json writes; docs/answer.schema.json has the fields."""
-        of_solves = {
+    def _of_solves(self) -> dict[str, Any]:
+        runs = self.results.items()
+        return {
             "bodies": self.results["unchanged"].facts["bodies"],
             "solves": [{"number": x.number, "kind": x.kind} for x in self.judgement.solves],
-            "runs": [
-                {"name": name, "failure": one.failure or None, "cpu_s": one.seconds}
-                for name, one in self.results.items()
-            ],
+            "runs": [{"name": name, "failure": one.failure or None, "cpu_s": one.seconds} for name, one in runs],
+            "cpu_s": sum(one.seconds for one in self.results.values()),
         }
-        return self._json(of_solves, sum(one.seconds for one in self.results.values()))
 
     def plot(self, path: str | os.PathLike) -> None:
         """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
@@ -191,7 +180,7 @@ def verify(
         notes.append(BY_CALL)
     count = jobs or _jobs(first, len(requests))
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
-    forecast = Forecast({request.name: forecast_of(request, first) for request in requests}, count)
+    forecast = _Forecast({request.name: _seconds_of(request, first) for request in requests}, count)
     tell(PLANNED.format(len(requests), count, forecast.left({})))
     results |= _all(requests, executor, count, forecast, tell)
     return Verification(plain.script, results, tolerances, notes + _endings(results), units)
@@ -261,8 +250,50 @@ def _free_memory() -> int:
         return 0
 
 
+class _Forecast:
+    """What is left of a number of runs: by what the first one took, corrected by those that have ended.
+
+    Parameters
+    ----------
+    seconds : by name, as forecast
+    count : runs at a time
+    """
+
+    def __init__(self, seconds: Mapping[str, float], count: int):
+        self._left, self._count = dict(seconds), count
+        self._all, self._forecast, self._taken = sum(seconds.values()), 0.0, 0.0
+
+    def end(self, name: str, elapsed: float) -> None:
+        """Take what a run has taken, s: runs beside one another slow each other down, so that others will, too."""
+        self._forecast += self._left.pop(name, 0.0)
+        self._taken += elapsed
+
+    def left(self, used: Mapping[str, float]) -> float:
+        """Return about how many s are left; used : CPU time of those that run, by name."""
+        remaining = [max(self._slower * x - used.get(name, 0.0), 0.0) for name, x in self._left.items()]
+        return max(max(remaining, default=0.0), sum(remaining) / self._count)
+
+    def share(self, used: Mapping[str, float]) -> float:
+        """Return which share of the work is done, 0 to 1."""
+        done = self._forecast + sum(min(used.get(name, 0.0) / self._slower, x) for name, x in self._left.items())
+        return done / self._all if self._all > 0 else 1.0
+
+    @property
+    def _slower(self) -> float:
+        """How much longer than forecast those that have ended took."""
+        return self._taken / self._forecast if self._forecast > 0 else 1.0
+
+
+def _seconds_of(request: Request, first: Result) -> float:
+    """Return about how many s a run takes: Python's start, the script's own work, and its solves."""
+    solves = first.facts["solve_seconds"]
+    start = max(first.elapsed - solves - first.facts.get("vector_seconds", 0.0), 0.0)
+    more = request.steps * (WITH_VECTORS if request.vectors or request.factor > 1 else 1.0)
+    return start + solves * more * (WATCHED if request.watch else 1.0)
+
+
 def _all(
-    requests: list[Request], executor: Executor | None, count: int, forecast: Forecast, tell: Callable
+    requests: list[Request], executor: Executor | None, count: int, forecast: _Forecast, tell: Callable
 ) -> dict[str, Result]:
     """Run all; Ctrl-C ends those that run, and those that have ended count."""
     own = executor or ThreadPoolExecutor(count)

@@ -11,16 +11,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..report.formats.atomic_write import write_whole
-from ..report.formats.csv_table import largest
+from ..report.formats.csv_table import largest, main_series
 from ..report.report import BoundReport
-from ..report.wording import bound_column, digits, estimated_under, is_known, rounded_up, under
+from ..report.wording import digits, rounded_up
 from .result_files import results_in
 from .variations import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from ..report.report import OutputReport
 
 VALUE, FAILURE = "value", "failure"  # columns of what has no name of its own
 ENDINGS = {".csv": "csv", ".md": "markdown"}
@@ -106,27 +104,22 @@ def _report_rows(name: str, value: Any) -> Iterator[dict[str, Any]]:
     """What is known of each row of each output of the reports that a variation returned, largest values over time."""
     if isinstance(value, BoundReport):
         for out in value.outputs.values():
+            largest = {what: np.abs(x).max(axis=0) for what, x in main_series(out, value.scope).items()}
             for row, row_name in enumerate(out.row_names):
-                yield {
-                    "output": f"{name} {row_name}{out.unit and f' [{out.unit}]'}".strip(),
-                    **_largest_of(value, out, row),
-                }
+                found = dict(_size(what, float(x[row])) for what, x in largest.items())
+                yield {"output": f"{name} {row_name}{out.unit and f' [{out.unit}]'}".strip(), **found}
     elif isinstance(value, dict | list | tuple):
         for key, x in _parts(value):
             yield from _report_rows(f"{name} {key}".strip(), x)
 
 
-def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, Any]:
-    size, bound = (float(np.max(np.abs(x[:, row]))) for x in (out.value, out.bound["best"]))
-    estimate, half = None, None
-    if is_known(out, row):
-        most, off = (float(np.max(np.abs(x[:, row]))) for x in (out.estimate, out.uncertainty))
-        estimate = f"{digits(most)}{estimated_under(out, report.scope)}"
-        half = rounded_up(off) if np.isfinite(off) else "not known"
-    bound = (
-        f"{rounded_up(bound)}{under(report.scope, doubts=out.uncertified)}" if np.isfinite(bound) else "not bounded"
-    )
-    return {"largest": size, "estimate": estimate, "half width": half, bound_column(report.scope): bound}
+def _size(what: str, x: float) -> tuple[str, Any]:
+    """Name and cell of a value, its estimate, or how far these are off at most, rounded up, with its condition."""
+    title, comma, condition = what.replace("uncertainty", "half width").partition(", ")
+    if not np.isfinite(x):
+        return title, "not bounded" if "bound" in title else "not known"
+    said = digits(x) if title == "estimate" else rounded_up(x)
+    return title or "largest", f"{said}{comma}{condition}" if title else x
 
 
 def _parts(value: dict | list | tuple) -> Any:

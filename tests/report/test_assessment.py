@@ -9,7 +9,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.report.assessment import ANSWERS, PRINTED, TOO_LARGE, assess
-from exudyn_romerr.report.cures import OF_CAUSES, OF_CHECKS
+from exudyn_romerr.report.cures import CAUSES, OF_CHECKS
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, Reason
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
@@ -85,7 +85,7 @@ def test_answers(made, tolerance, answer, time):
             "static",
             "not known, its error is not known, and so not whether it is within the tolerance of ",
         ),
-        (BOUNDED, 1.1, "static", f": {OF_CAUSES['step']}."),
+        (BOUNDED, 1.1, "static", f": {CAUSES['step'].cure}."),
         (PROVED, 1.2, "sampled", "(the error of the time steps is in none of its numbers): romerr verify"),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.markers import CARETUP, CARETUPBASE
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.answers import Answer
+from exudyn_romerr.report.answers import Answer, Limit
 from exudyn_romerr.report.plots.comparisons import draw_convergence, draw_run_time, pareto_front, plot_verdicts
 from exudyn_romerr.report.verdicts import Row, Verdict
 from tests.report.made_up import ZERO, axes_of, edge, legend, line
@@ -79,7 +79,7 @@ def verdict(size, half, how="measured"):
 def row(axis, size, half, **more):
     """A component of a sensor that shows 2 m at most, this one 0.01 m; its error is by modes, in m."""
     of = {"modes": verdict(size, half), "step": verdict(1e-3, 1e-4), "sum": verdict(size, half)}
-    more = {"tolerance": 0.1, "is_asked": True, "estimated": verdict(0.04, 0.01, "estimated"), **more}
+    more = {"limit": Limit(0.1, True), "estimated": verdict(0.04, 0.01, "estimated"), **more}
     return Row("tip", 0, 0, "m", 0.01, 2.0, of, label=f"tip {axis}", axis=axis, **more)
 
 
@@ -116,7 +116,7 @@ def test_a_size_without_a_half_width_is_that_or_more(axes):
 
 @pytest.mark.parametrize("asked", [True, False])
 def test_tolerances_that_were_given_are_lines(axes, asked):
-    ax = axes(row("y", 0.02, 0.01, is_asked=asked), row("z", 0.03, 0.01, is_asked=asked))
+    ax = axes(row("y", 0.02, 0.01, limit=Limit(0.1, asked)), row("z", 0.03, 0.01, limit=Limit(0.1, asked)))
     found = [lines for lines in ax.collections if lines.get_label() == "tolerance"]
     assert bool(found) == ("tolerance" in entries(ax)) == asked
     for lines in found:

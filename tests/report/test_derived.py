@@ -1,13 +1,12 @@
 """Peak, RMS and value at the end: numbers of a run, the errors of these numbers, and how far they may be off."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from exudyn_romerr.__main__ import main
 from exudyn_romerr.report.derived import NAMES, features_of, features_table
 from exudyn_romerr.report.scope import FROZEN
 from tests.report.made_up import made_up
@@ -97,9 +96,8 @@ def test_what_covers_less_than_the_error_is_not_covered(known):
     assert features_table([sampled])[1][1] == "3 mm (not covered)"
 
 
-def test_command_prints_them():
-    command = [sys.executable, "-m", "exudyn_romerr", "run", "--features", "examples/hinged_arm.py"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    lines = done.stdout.splitlines()
+def test_command_prints_them(capsys):
+    assert main(["run", "--features", str(ROOT / "examples" / "hinged_arm.py")]) == 0
+    lines = capsys.readouterr().out.splitlines()
     (head,) = (i for i, line in enumerate(lines) if line.startswith("sensor") and "peak (full model" in line)
     assert [line.split("  ")[0] for line in lines[head + 1 : head + 4]] == ["tip x", "tip y", "tip z"]

@@ -15,7 +15,7 @@ from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.report_rows import rows_of
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
 from exudyn_romerr.report.table import ASSESS, by_sensor, summary, table
-from exudyn_romerr.report.wording import rounded_up
+from exudyn_romerr.report.wording import SAMPLED, rounded_up
 from tests.helpers.theorem import random_case
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -188,39 +188,31 @@ def test_what_a_tolerance_names_is_asked_for(report):
 
 
 @pytest.mark.usefixtures("quick")
-def test_tables_have_the_largest_bounds_and_when(report, case):
-    """Of every estimator; bound / true error once a truth was compared."""
+def test_tables_have_the_largest_values_and_when(report, case):
+    """Of everything over time: bounds of every estimator, estimates with their parts; what a truth says beside."""
     out = report.output("tip z")
+    assert page.ABOUT not in read(report).words
     for bounds, e in ((out.bound, "energy"), (report.position_bound, "fast"), (report.velocity_bound, "energy")):
         bounds[e] = bounds[e].copy()
         bounds[e][7] *= 1e6  # the worst instant is not always the last one
-    report.compare("tip z", report.t, case.full[0] @ case.C[0])
-    text = read(report).words
-    for e in ("fast", "energy"):
-        at, bound = np.argmax(out.bound[e]), np.max(out.bound[e])
-        ratio = bound / np.abs(out.error).max()
-        assert f"{rounded_up(bound)} m at t = {report.t[at]:.4g} s / true error: {ratio:.3g}" in text
-        for whole in (report.position_bound[e], report.velocity_bound[e]):
-            assert f"{rounded_up(whole.max())} at t = {report.t[np.argmax(whole)]:.4g} s" in text
-    assert f"The true error is up to {np.abs(out.error).max():.3g} m" in text
-    assert "above the bound" not in text
-
-
-@pytest.mark.usefixtures("quick")
-def test_estimates_have_a_table_of_their_own(report, case):
-    """What they are is said, with parts, half width and how far off they were."""
-    assert "An estimate is" not in read(report).words
-    out = report.output("tip z")
     out.estimate, out.uncertainty = 0.1 * out.value, 0.01 * np.abs(out.value)
     out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"vectors": out.uncertainty}
     report.compare("tip z", report.t, case.full[0] @ case.C[0])
-    found, largest = read(report), np.max(np.abs(out.value))
+    found = read(report)
+    of_body = (*report.position_bound.values(), *report.velocity_bound.values())
+    for x, unit in [*((out.bound[e], " m") for e in ("fast", "energy")), *((x, "") for x in of_body)]:
+        assert f"{rounded_up(np.max(x))}{unit} at t = {report.t[np.argmax(x)]:.4g} s" in found.words
+    largest, at = np.max(np.abs(out.value)), report.t[np.argmax(np.abs(out.value))]
+    sizes = (f"{0.1 * largest:.3g}", f"{rounded_up(0.01 * largest)}")
+    for kind, size in zip(
+        ("estimate", "uncertainty", "estimate basis", "uncertainty vectors"), 2 * sizes, strict=True
+    ):
+        assert f"{kind}{size} m at t = {at:.4g} s" in found.words
     assert page.ABOUT in found.words
-    at = report.t[np.argmax(np.abs(out.value))]
-    row = f"tip z{0.1 * largest:.3g} m at t = {at:.4g} s{rounded_up(0.01 * largest)} m"
-    assert f"{row}basis {0.1 * largest:.3g}vectors {0.01 * largest:.3g}" in found.words
-    assert "Estimates of the error, largest values over time" in found.of("caption")
-    assert "; the estimate is off by up to " in found.words
+    assert f"tip z: true error up to {np.abs(out.error).max():.3g} m; bound / error: fast " in found.words
+    ratio = np.max(out.bound["energy"]) / np.abs(out.error).max()
+    assert f"energy {ratio:.3g}; the estimate is off by up to " in found.words
+    assert "above the bound" not in found.words
 
 
 @pytest.mark.usefixtures("quick")
@@ -261,24 +253,18 @@ def test_messages_scope_plan_and_what_was_left_out_are_there(report):
     assert all(what in found.words and why in found.words for what, why in report.plan.left_out)
     assert f"Why: loads follow; sudden start: {NOT_CERTIFIED}." in found.words
     assert "at most" not in found.words
-    assert "sudden start: let loads begin smoothly" in found.of("li")
-    assert "The error of the time integration is not covered" in found.words
-
-
-@pytest.mark.usefixtures("quick")
-def test_a_clean_run_refers_to_no_messages(report):
-    report.messages = []
-    found = read(report)
-    assert found.targets == []
-    assert NOT_CERTIFIED not in found.words
+    assert f"{NOT_CERTIFIED}: sudden start: let loads begin smoothly" in found.of("li")
+    assert SAMPLED in found.of("li")
 
 
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("time", ["static", "reconstructed"])
-def test_other_times(report, time):
-    text = read(replace(report, time=time)).words
-    assert page.TIME_WORDS[time] in text
-    assert ("load factor" in text) == (time == "static")
+def test_a_clean_run_refers_to_no_messages(report, time):
+    found = read(replace(report, time=time, messages=[]))
+    assert found.targets == []
+    assert NOT_CERTIFIED not in found.words
+    assert SAMPLED not in found.words
+    assert ("load factor" in found.words) == (time == "static")
 
 
 @pytest.mark.usefixtures("quick")

@@ -78,5 +78,5 @@ def test_what_is_no_tolerance(text):
 
 def test_names_in_tolerances_may_have_any_letter():
     found = Tolerances(["a=b=2%", "0.5"])
-    assert found.of("a=b") == (0.02, True)
-    assert found.of("c") == (0.5, False)
+    assert found.limit("a=b", 3.0) == (0.06, True)
+    assert found.limit("c", 3.0) == (0.5, True)

@@ -16,8 +16,7 @@ from exudyn_romerr.mbs.monitoring.body_monitor import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
-from exudyn_romerr.mode_selection.mode_choice import ModeChoice
-from exudyn_romerr.mode_selection.tried_run import TriedRun
+from exudyn_romerr.mode_selection.mode_choice import ModeChoice, TriedRun
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined
@@ -314,20 +313,6 @@ def test_mechanisms_have_the_doubts_of_all_bodies(plain):
     assert report.output("y 0").uncertified == (DOUBTS["goes on"],)
     assert report.assess("of no body", 1e9).answer == "unknown"
     assert not PROMISES.search(str(report))
-
-
-def test_files_keep_doubts(plain, tmp_path):
-    """Cause and cure of the report and of every output; one that is certified differs from one that is not."""
-    report = doubted(plain, DOUBTS["goes on"], DOUBTS["not balanced"])
-    report.outputs["v"].uncertified = ()
-    report.save(tmp_path / "run.npz")
-    again = romerr.load_report(tmp_path / "run.npz")
-    assert again.uncertified == report.uncertified
-    assert [(d.cause, d.cure, d.said) for d in again.uncertified] == [
-        (d.cause, d.cure, d.said) for d in report.uncertified
-    ]
-    assert again.output("y").uncertified == report.uncertified
-    assert again.output("v").uncertified == ()
 
 
 @pytest.mark.parametrize("certified", [True, False])

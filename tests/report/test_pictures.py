@@ -31,8 +31,7 @@ from exudyn_romerr.report.plots.style import (
     KINDS,
     LETTERS,
     LINES,
-    MARKERS,
-    STYLES,
+    LOOKS,
     WIDE,
     ends,
     isolated,
@@ -74,10 +73,7 @@ def test_signal_has_bands_of_both_outputs_and_the_truth():
     assert area(ax, "± bound") == (9, 13)
     np.testing.assert_allclose(area(ax, "corrected"), (10.4, 11.6))
     np.testing.assert_array_equal(line(ax, "truth")[1], 9.5 + report.t)
-
-
-def test_signal_without_auxiliary_modes_and_truth_promises_neither():
-    ax = axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")
+    ax = axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")  # which promises neither
     assert legend(ax) == ["reduced model", "± bound, at most 2"]
 
 
@@ -338,6 +334,10 @@ def test_shares_of_the_causes_add_up():
     assert ax.get_ylabel() == "share of the bound / %"
     assert legend(ax) == ["basis, 25 %", "time step, 75 %", "worst, t = 1 s: 2 mm"]  # no others: zero
     assert (area(ax, "basis"), area(ax, "time step")) == ((0, 25), (25, 100))
+    report = made_up()  # small shares are not zero
+    out = report.output("tip")
+    out.causes["basis"], out.causes["time step"] = (x * out.bound["best"] for x in (0.001, 0.999))
+    assert legend(axes_of(draw_causes, report, "tip"))[:2] == ["basis, < 1 %", "time step, > 99 %"]
 
 
 def test_where_there_are_no_shares_none_are_drawn():
@@ -349,13 +349,6 @@ def test_where_there_are_no_shares_none_are_drawn():
     assert {tuple(sorted(set(path.vertices[:, 0]))) for path in basis.get_paths()} == {(0.25, 0.5), (1.0,)}
     assert bar.get_linewidth() == [BAR]  # an area that is one instant wide cannot be seen
     assert bar.get_paths()[0].vertices.tolist() == [[1.0, 0.0], [1.0, 25.0]]
-
-
-def test_small_shares_are_not_zero():
-    report = made_up()
-    out = report.output("tip")
-    out.causes["basis"], out.causes["time step"] = (x * out.bound["best"] for x in (0.001, 0.999))
-    assert legend(axes_of(draw_causes, report, "tip"))[:2] == ["basis, < 1 %", "time step, > 99 %"]
 
 
 @pytest.mark.parametrize("draw", OVER_TIME)
@@ -632,11 +625,8 @@ def test_infinite_bounds_have_a_colour_of_their_own():
     assert to_rgba(COLOURS["error"]) in [tuple(c) for c in ax.collections[0].get_edgecolor()]
 
 
-def test_bounds_that_are_all_zero_are_drawn():
+def test_bounds_that_are_all_zero_are_drawn_and_estimators_can_be_chosen():
     assert "at most 0 m" in body((POSITIONS, None), bound=np.zeros(5), unit="m").get_title()
-
-
-def test_estimator_can_be_chosen():
     assert "'energy'" in body((POSITIONS, None), estimator="energy").figure.axes[1].get_ylabel()
 
 
@@ -678,8 +668,8 @@ def test_report_saved_without_bounds_at_nodes_says_so():
 
 def test_every_estimator_has_a_look_of_its_own_in_grey():
     names = set(COLOURS) - {"value", "error", "estimate", "tolerance"}
-    assert names == set(STYLES) == set(MARKERS)
-    looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
+    assert names == set(LOOKS)
+    looks = [LOOKS[e][1:] for e in names - {"static"}]  # which is never beside the others
     assert len(set(looks)) == len(looks)
 
 

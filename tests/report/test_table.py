@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exudyn_romerr.report.answers import STATUS, Answer, Tolerances, worst
+from exudyn_romerr.report.answers import STATUS, Answer, Limit, Tolerances, worst
 from exudyn_romerr.report.data import extents
 from exudyn_romerr.report.table import (
     by_sensor,
@@ -30,7 +30,7 @@ from exudyn_romerr.report.verdicts import (
 )
 
 
-def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, is_asked=True, **sizes):
+def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, **sizes):
     """A row of sizes and half widths by cause; None: not covered. "whole": of the sum, the largest if not given."""
     whole = sizes.pop("whole", None)
     of = {
@@ -41,7 +41,7 @@ def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, is_asked=True, **size
     of["sum"] = judge(*(whole or max(known)), limit, how) if len(known) == len(sizes) else not_covered("nobody knows")
     of = judged_together(of, extent, limit)
     label, component = f"{name} {axis}".strip(), "xyz".find(axis) if axis else 0
-    return Row(name, component, 0, "", extent, extent, of, tolerance=limit, label=label, axis=axis, is_asked=is_asked)
+    return Row(name, component, 0, "", extent, extent, of, Limit(limit, True), label, axis)
 
 
 SURE_AND_SMALL = row("mid", "x", modes=(1e-4, 1e-6), step=(0.02, 1e-3))
@@ -92,7 +92,11 @@ WITHIN = "the error of {} is within its tolerance"
         ([GOOD], 0, f"Enough: {WITHIN.format('every sensor')}."),
         ([GOOD, NOT_ASKED], 0, f"Enough: {WITHIN.format('hub')}. No tolerance: tip."),
         ([NOT_ASKED], 2, "No tolerance: tip."),  # only names that no sensor has
-        ([replace(GOOD, is_asked=False)], 0, f"Enough: {WITHIN.format('every sensor')} (1 % assumed; --tolerance)."),
+        (
+            [replace(GOOD, limit=Limit(0.01, False))],
+            0,
+            f"Enough: {WITHIN.format('every sensor')} (1 % assumed; --tolerance).",
+        ),
         ([TOGETHER], 3, "Too large: tip."),
         (
             [GOOD, row("ground", "", modes=None)],

@@ -17,14 +17,14 @@ from exudyn_romerr.report.wording import (
     scope_lines,
     under,
 )
-from tests.helpers.report_outputs import estimated, output
+from tests.helpers.report_outputs import corrected, estimated
 
 
 def test_conditions_of_bounds():
     for scope, said in ((COMPLETE, ""), (COUPLED, ", to first order"), (FROZEN, ", inputs frozen")):
         assert under({"auxiliary": scope}) == said
-    out = output(2.0, {"auxiliary": 1.0}, {"auxiliary": FROZEN})
-    within = corrected_within(out, np.ones(1), {"auxiliary": FROZEN})
+    out, known = corrected(2.0, 1.0, 0.5, 0.1, covers=FROZEN)
+    within = corrected_within(out, known)
     assert within.startswith("under the frame motion, loads and joint forces of this run the corrected output")
 
 
@@ -77,8 +77,8 @@ def test_scope_is_said_in_one_line_with_a_link(scope, time):
 
 @pytest.mark.parametrize("scope", SCOPES)
 def test_corrected_output_without_a_bound_is_said_in_words(scope):
-    out = output(1.0, {"auxiliary": 1e-3}, {"auxiliary": scope})
-    text = corrected_within(out, np.array([[1e-3], [np.inf]]), {"auxiliary": scope})
+    out, known = corrected(1.0, 1e-3, 1e-3, np.inf, covers=scope)
+    text = corrected_within(out, known)
     assert "inf" not in text.split()
     assert "not known" in text
 

@@ -18,7 +18,8 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.mbs.scenes import found_bodies, recorded_solve
 from exudyn_romerr.report.answers import STATUS, Answer
-from exudyn_romerr.report.verdicts import CAUSES
+from exudyn_romerr.report.cures import CAUSES
+from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.scripts.run import NO_BODY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,10 +34,17 @@ def written(folder, text):
     return str(path)
 
 
+def ran(folder, text, **options):
+    """The run of a script that came to its end."""
+    run = romerr.run(written(folder, text), **options)
+    assert run.ending.error is None
+    return run
+
+
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory):
     """A run of a script of a pendulum, and what attach says of the same scene."""
-    run = romerr.run(written(tmp_path_factory.mktemp("script"), SCENE + SOLVE))
+    run = ran(tmp_path_factory.mktemp("script"), SCENE + SOLVE)
     from models import floating
 
     scene = floating.pendulum(4, t_end=0.05)
@@ -48,7 +56,6 @@ def pendulum(tmp_path_factory):
 def test_the_estimate_is_that_of_attach(pendulum):
     """By another core, to what both say of themselves; bounds are attach's."""
     run, report = pendulum
-    assert run.ending.error is None
     assert {name for name in report.outputs if not name.endswith("in the frame")} == set(run.reports[0].outputs)
     for name, own in run.reports[0].outputs.items():
         out = report.output(name)
@@ -82,6 +89,7 @@ def test_numbers_stand_in_the_text(pendulum):
     assert re.search(r"^Modes: .* at \w+", text, re.M)
     assert re.search(r"^Step: .* at \w+", text, re.M)
     assert re.search(r"^sensor +up to +modes about", text, re.M)
+    assert not re.search(r"\d m\b", text)  # nobody knows units that are not given
 
 
 @pytest.mark.parametrize(
@@ -103,7 +111,8 @@ def test_exit_statuses(tolerance, answer, tmp_path, capsys):
         assert set(answers.values()) == {"no tolerance"}
 
 
-def test_files_are_written_and_can_be_read(tmp_path, capsys):
+def test_files_are_written_and_can_be_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(html_page, "MOST", 1)
     script = written(tmp_path, SCENE + SOLVE)
     files = {name: str(tmp_path / f"run.{name}") for name in ("npz", "html", "png", "json")}
     options = ["--save", files["npz"], "--html", files["html"], "--plot", files["png"], "--json", files["json"]]
@@ -137,8 +146,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_way_to_solve_is_seen(kind, pendulum, tmp_path):
     """The same numbers as by SolveDynamic."""
-    run = romerr.run(written(tmp_path, SCENE + KINDS[kind]))
-    assert run.ending.error is None
+    run = ran(tmp_path, SCENE + KINDS[kind])
     found, wanted = ([row["sum"]["size"] for row in of.rows] for of in (run, pendulum[0]))
     np.testing.assert_allclose(found, wanted, rtol=1e-4)  # modes are of a solver that begins with random numbers
 
@@ -184,8 +192,7 @@ def test_every_way_to_make_a_body_is_seen(tmp_path):
 
 def test_a_body_at_rest_without_sensors_is_said_to_rest(tmp_path):
     way = WAYS.replace("[0, 9, 0]", "[0, 0, 0]").replace("mbs.AddSensor", "print")
-    run = romerr.run(written(tmp_path, f"WAY = 'create'\n{way}"))
-    assert run.ending.error is None
+    run = ran(tmp_path, f"WAY = 'create'\n{way}")
     assert "nothing moves: outputs chosen for the scene stay at zero" in str(run)
 
 
@@ -208,12 +215,13 @@ def test_many_solves_are_a_line_each(tmp_path):
     assert [line.split()[0] for line in lines[first : first + 6]] == ["solve", *"01234"]
 
 
-def test_equal_names_get_the_number_of_the_sensor(tmp_path):
+def test_equal_names_get_the_number_of_the_sensor_and_units_that_are_given_are_printed(tmp_path):
     """Exudyn refuses them where sensors are added, not where they are changed."""
     text = SCENE + "for i in (0, 2):\n    scene.mbs.SetSensorParameter(i, 'name', 'tip')\n" + SOLVE
-    run = romerr.run(written(tmp_path, text))
-    assert run.ending.error is None
+    run = ran(tmp_path, text, units="mm")
     assert {row["name"] for row in run.rows} == {"tip (sensor 0)", "sensor1", "tip (sensor 2)"}
+    assert {row["unit"] for row in run.rows} == {"mm"}
+    assert re.search(r"^Step: .* mm (or less )?\(", str(run), re.M)
 
 
 def test_outputs_are_chosen_where_there_are_no_sensors(tmp_path):
@@ -277,8 +285,7 @@ def test_scripts_that_attach_themselves_keep_their_monitors(tmp_path):
     text = "import exudyn_romerr as romerr\n" + SCENE
     text += "monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))\n" + SOLVE
     text += "assert len(monitor.report().outputs) > 2\n"
-    run = romerr.run(written(tmp_path, text))
-    assert run.ending.error is None
+    run = ran(tmp_path, text)
     assert "monitors of its own" in str(run)
     assert run.rows[0]["sum"]["how"] == "estimated"
 
@@ -294,8 +301,7 @@ def test_scripts_that_attach_several_bodies_have_the_answers_of_all(how, tmp_pat
         "one by one": "for bar in bars:\n    romerr.attach(scene.mbs, bar)\n",
         "with few sensors": "romerr.attach(scene.mbs, bars, outputs=list(scene.sensors.values()))\n",
     }[how]
-    run = romerr.run(written(tmp_path, text + SOLVE))
-    assert run.ending.error is None
+    run = ran(tmp_path, text + SOLVE)
     shown = {row["name"] for row in run.rows}
     assert {f"sensor{i}" for i in range(8)} <= shown
     assert all(row["sum"]["how"] == "estimated" for row in run.rows if row["name"].startswith("sensor"))
@@ -317,17 +323,12 @@ def test_solves_in_other_processes_are_counted(tmp_path):
     assert "3 solves in other processes (2 started) not watched" in done.stdout
 
 
-def test_nothing_of_ours_stays_in_front_of_exudyn(tmp_path, pendulum):
+def test_nothing_of_ours_stays_in_front_of_exudyn_and_the_mbs_is_freed(tmp_path, pendulum):
     import exudyn as exu
 
     before = {name: getattr(exu.MainSystem, name) for name in ("AddObject", "Reset", "SolveDynamic")}
-    romerr.run(written(tmp_path, SCENE + SOLVE))
+    run = ran(tmp_path, SCENE + SOLVE + "import sys, weakref\nsys.kept = weakref.ref(scene.mbs)\n")
     assert {name: getattr(exu.MainSystem, name) for name in before} == before
-
-
-def test_the_mbs_is_freed(tmp_path):
-    text = SCENE + SOLVE + "import sys, weakref\nsys.kept = weakref.ref(scene.mbs)\n"
-    run = romerr.run(written(tmp_path, text))
     gc.collect()
     assert isinstance(sys.kept, weakref.ref)
     assert sys.kept() is None
@@ -364,20 +365,8 @@ def test_a_misspelt_sensor_is_wrong_usage(quiet, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "--tolerance names 'sensr1', which no sensor is called; did you mean 'sensor1'?" in (err if quiet else out)
     assert ("No tolerance: sensor0, sensor1, sensor2." in out) == (not quiet)
-    assert (
-        main(
-            ["run", "--tolerance", "sensr1=1e9", "--quiet", written(tmp_path, SCENE + SOLVE + "raise SystemExit(7)")]
-        )
-        == 7
-    )
-
-
-def test_units_are_printed_where_they_are_given(pendulum, tmp_path):
-    """Nobody knows them else."""
-    assert not re.search(r"\d m\b", str(pendulum[0]))
-    run = romerr.run(written(tmp_path, SCENE + SOLVE), units="mm")
-    assert {row["unit"] for row in run.rows} == {"mm"}
-    assert re.search(r"^Step: .* mm (or less )?\(", str(run), re.M)
+    script = written(tmp_path, SCENE + SOLVE + "raise SystemExit(7)")
+    assert main(["run", "--tolerance", "sensr1=1e9", "--quiet", script]) == 7
 
 
 FAILS = "def fail(mbs, t, load):\n    if t > 0.03:\n        raise ValueError('a user')\n    return [0, 0, 1]\n"
@@ -454,8 +443,7 @@ solver.FinalizeSolver(scene.mbs, scene.settings)
 
 def test_intervals_of_one_solver_are_one_run(pendulum, tmp_path):
     """The numbers of one solve, to what five restarts of the accelerations change."""
-    run = romerr.run(written(tmp_path, SCENE + INTERVALS))
-    assert run.ending.error is None
+    run = ran(tmp_path, SCENE + INTERVALS)
     (report,) = run.reports
     whole = pendulum[0].reports[0]
     np.testing.assert_allclose(report.t, whole.t, rtol=1e-12)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +15,8 @@ from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.mode_selection.modal_content import Content
 from exudyn_romerr.mode_selection.pairs import Pair, PairRun, PairSearch
 from exudyn_romerr.mode_selection.search import cheapest, search
-from exudyn_romerr.report.answers import Answer
+from exudyn_romerr.report.answers import Answer, Limit
+from exudyn_romerr.report.verdicts import Row, judge, not_covered
 from exudyn_romerr.scripts import tune as tune_module
 from exudyn_romerr.scripts.child_run import Request, Result, run_child
 
@@ -92,9 +94,10 @@ def test_pair_found_is_within_the_tolerance_by_the_truth(crank):
         assert np.abs(now[:, 1:] - seen).max() <= 0.02 * np.abs(truth).max()
 
 
-def verdict(size, limit=100.0):
-    answer = "enough" if size * 1.02 <= limit else "too large"
-    return {"size": size, "half_width": 0.02 * size, "how": "estimated", "answer": answer, "reason": ""}
+def row_of(**sizes):
+    """A row of errors in % of its tolerance."""
+    of = {cause: judge(size, 0.02 * size, 100.0, "estimated") for cause, size in sizes.items()}
+    return Row("tip", 0, 0, "", 1e4, 1e4, of, Limit(100.0, True), "tip y", "y")
 
 
 def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
@@ -106,12 +109,9 @@ def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
             return Result("a run", "it breaks")
         times = float(request.steps)
         modes, of_steps = sum(TAKEN[n:]), step / times**order
-        causes = {"modes": modes, "interfaces": rigid, "step": of_steps, "sum": modes + rigid + of_steps}
-        row = {"name": "tip", "component": 0, "axis": "y", "solve": 0, "unit": "", "tolerance": 100.0, "extent": 1e4}
-        row |= {cause: verdict(x) for cause, x in causes.items()} | {"start": None}
+        row = row_of(modes=modes, interfaces=rigid, step=of_steps, sum=modes + rigid + of_steps)
         if not covered:
-            nothing = {"size": None, "half_width": None, "how": "not covered", "answer": "not covered"}
-            row |= dict.fromkeys(causes, nothing | {"reason": "it has a controller"})
+            row = replace(row, of=dict.fromkeys(row.of, not_covered("it has a controller")))
         count = n + request.further
         parts = np.array(TAKEN[:count]).reshape(-1, 1, 1)
         contents = (
@@ -254,8 +254,7 @@ def test_search_keeps_what_was_enough_before_an_error():
 
 def test_causes_that_cancel_each_other_are_not_enough():
     """A beam was "enough" with twice the tolerance of either sign; with finer steps it was 8 times as wrong."""
-    row = {"name": "tip", "component": 0, "solve": 0, "tolerance": 100.0, "interfaces": None, "start": None}
-    row |= {"modes": verdict(240.0), "step": verdict(250.0), "sum": verdict(10.0)}
+    row = row_of(modes=240.0, step=250.0, sum=10.0)
     content = Content(np.array([[240.0]]), {0: np.array([[[30.0]]])}, np.array([[-250.0]]), np.zeros((1, 1)))
     run = PairRun(Pair((1,), 100), [row], {(0, "tip"): content}, 1.0)
     assert run.answer is Answer.TOO_LARGE

@@ -13,13 +13,15 @@ from ...errors import InputError
 from ...mode_selection.modal_forecast import BOUND, BY, Ladder, fewest_modes, forecasts
 from ...mode_selection.mode_choice import (
     SECOND_ORDER,
+    STEP,
     ModeChoice,
+    TriedRun,
     fewest_hoped,
     fewest_without_slack,
+    outputs_of,
     stricter_tolerances,
 )
 from ...mode_selection.search import cheapest, search
-from ...mode_selection.tried_run import STEP, TriedRun, outputs_of
 from ...progress import progress
 from ..monitoring.attach import checked_tolerance
 from .two_level import Trial, build_trial, same_times

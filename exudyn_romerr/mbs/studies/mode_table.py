@@ -11,15 +11,15 @@ import numpy as np
 from ...basis.basis import Basis
 from ...checks import check_type
 from ...errors import InputError, RomErrError
-from ...mode_selection.mode_properties import (
+from ...mode_selection.mode_table import (
     MORE,
     Frequencies,
+    ModeTable,
     coordinates_of,
     frequencies_of,
     missed_modes,
     residual_share,
 )
-from ...mode_selection.mode_table import ModeTable
 from ...mode_selection.without_modes import InRun
 from ...model.admissible_space import MeanMotion
 from ...model.body import ElasticBody

@@ -13,7 +13,7 @@ from ...errors import InputError, RunError
 from ...linear.estimators.causes import RESOLVED
 from ...linear.residual.samples import SAME_TIMES
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
-from ...mode_selection.tried_run import outputs_of
+from ...mode_selection.mode_choice import outputs_of
 from ...report.scope import COUPLED, FROZEN
 from ...report.wording import (
     NOT_THE_MECHANISM,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..wording import bound_column, check_name, estimated_under, under
+from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
+from ..wording import SHORT, estimate_scope, under, widest_scope
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -56,17 +57,12 @@ def largest(report: ReportData) -> dict[str, float]:
 
     Names are those of columns(report) with "largest": "tip z largest [m]", "tip z bound largest [m]".
     """
-    found: dict[str, float] = {}
-    for out in report.outputs.values():
-        condition = estimated_under(out, report.scope)
-        kinds = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
-        kinds[f"{bound_column(report.scope)}{under(report.scope, doubts=out.uncertified)}"] = out.bound["best"]
-        for row, name in enumerate(out.row_names):
-            for what, x in kinds.items():
-                if x is not None:
-                    full = " ".join(filter(None, [name, what, "largest", out.unit and f"[{out.unit}]"]))
-                    found[full] = float(np.max(np.abs(x[:, row])))
-    return found
+    return {
+        _name(name, what, "largest", out.unit): float(np.max(np.abs(x[:, row])))
+        for out in report.outputs.values()
+        for row, name in enumerate(out.row_names)
+        for what, x in main_series(out, report.scope).items()
+    }
 
 
 def write_csv(report: ReportData, path: str | os.PathLike) -> None:
@@ -86,32 +82,54 @@ def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
     yield "load factor" if report.time == "static" else "t [s]", report.t
     for out in report.outputs.values():
         for row, name in enumerate(out.row_names):
-            for what, x in _series(out, report.scope):
-                yield " ".join(filter(None, [name, what, out.unit and f"[{out.unit}]"])), x[:, row]
+            yield from ((_name(name, what, "", out.unit), x[:, row]) for what, x in series_of(out, report.scope))
     for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
         yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
 
 
-def _series(out: OutputReport, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
-    yield "", out.value
-    doubts = out.uncertified
-    holds_under = under(scope, doubts=doubts)
-    single = [(e, x) for e, x in out.bound.items() if e != "best"]
-    yield f"{bound_column(scope)}{holds_under}", out.bound["best"]
-    yield from ((f"{bound_column(scope, e)} {e}{under(scope, e, doubts)}", x) for e, x in single)
+def _name(*parts: str) -> str:
+    """Words of a column's name, the last of which is a unit; those that are empty are left out."""
+    return " ".join(filter(None, [*parts[:-1], parts[-1] and f"[{parts[-1]}]"]))
+
+
+def main_series(out: OutputReport, scope: dict[str, str]) -> dict[str, np.ndarray]:
+    """Return value, "", estimate and half width, where there are any, and best bound (T, r), named as they hold."""
+    condition = _condition(out, scope)
+    found = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
+    found[_bound(out, scope)] = out.bound["best"]
+    return {what: x for what, x in found.items() if x is not None}
+
+
+def series_of(out: OutputReport, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield everything that is known of an output over time (T, r), with what it is called; the value is ""."""
+    (_, value), *estimates, (bound, best) = main_series(out, scope).items()
+    condition = _condition(out, scope)
+    yield from (("", value), (bound, best))
+    yield from ((_bound(out, scope, e), x) for e, x in out.bound.items() if e != "best")
     if out.corrected is not None:
         yield "corrected", out.corrected
-        yield f"corrected bound{holds_under}", out.corrected_bound
+        yield f"corrected bound{under(scope, doubts=out.uncertified)}", out.corrected_bound
+    yield from estimates
     if out.estimate is not None:
-        condition = estimated_under(out, scope)
-        yield f"estimate{condition}", out.estimate
-        yield f"uncertainty{condition}", out.uncertainty
         yield from ((f"estimate {cause}{condition}", x) for cause, x in out.estimate_parts.items())
-        checks = [(check_name(check, doubts), x) for check, x in out.uncertainty_parts.items()]
-        yield from ((f"uncertainty {check}{condition}", x) for check, x in checks)
+        for check, x in out.uncertainty_parts.items():  # what bounds that are not certified leave is not proved
+            doubt = f" ({NOT_CERTIFIED})" if check == "proved" and out.uncertified else ""
+            yield f"uncertainty {check}{doubt}{condition}", x
     yield "round-off", out.round_off
     if out.error is not None:
         yield "true error", out.error
+
+
+def _bound(out: OutputReport, scope: dict[str, str], e: str = "best") -> str:
+    """What bounds are called: beside estimates of a mechanism, with time steps, what they are of."""
+    is_of_modes = (widest_scope(scope) if e == "best" else scope[e]) == COUPLED
+    name = "" if e == "best" else f" {e}"
+    return f"{'reduction error ' * is_of_modes}bound{name}{under(scope, e, out.uncertified)}"
+
+
+def _condition(out: OutputReport, scope: dict[str, str]) -> str:
+    """What estimates hold under; that they are of first order "about" says."""
+    return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
 def _another(name: str, found: dict) -> str:

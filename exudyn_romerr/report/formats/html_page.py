@@ -7,34 +7,29 @@ import io
 import os
 import re
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..data import is_beside, made_here
+from ..data import made_here
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
+from ..plots.panels import worst_first
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
-from ..report_rows import asked_for, limit_of, rows_of
-from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
-from ..table import ASSESS, by_sensor, first_sentences, reasons, summary, table
+from ..report_rows import limit_of
+from ..table import by_sensor, table
 from ..wording import (
-    check_name,
-    corrected_within,
     digits,
-    estimated_under,
+    estimator_lines,
     for_run_alone,
     instant,
-    is_known,
-    off_by,
-    outside,
     rounded_up,
     said_first,
     under,
-    widest,
-    widest_scope,
     with_unit,
 )
 from .atomic_write import write_whole
+from .csv_table import series_of
+from .printed_text import OUTPUT, extent, judged, messages, of_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -72,38 +67,26 @@ pre { background: #f4f4f4; padding: 0.6rem; white-space: pre-wrap; }
 """
 RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
 MOST = 6  # figures: each takes a third of a second to draw and 0.25 MB
-MEANINGS = {
-    COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
-    COUPLED: "joints, springs and other bodies react to the body's error: covered to first order; time steps are not",
-    FROZEN: "the bound holds for the full body under the frame motion, loads and wrenches of this run; what joints "
-    "and controllers do with other steps or modes is not covered",
-}
-TIME_WORDS = {
-    "reconstructed": "The error of the time integration is included.",
-    "sampled": "The error of the time integration is not covered, nor what the residual does between the samples.",
-    "static": "A static solve: there is no time integration.",
-}
-OF_THE_BODY = (
-    "The error of the time integration is included as far as it is the body's own, under the forces of this run; "
-    "what other steps make of these is not."
-)
 ABOUT = (
-    "An estimate is the error of the reduced output as well as it can be told, with its half width; it is no bound. "
-    "Value + estimate is the best guess of the full model's output."
+    "An estimate is the error of the reduced output as well as it can be told, within about its uncertainty; it is "
+    "no bound. Value + estimate is the best guess of the full model's output."
 )
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
+HEAD = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>{title}</title>
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,">
+<style>{css}</style>
+</head>
+<body>"""
 
 
 def write_page(report: ReportData, path: str | os.PathLike, tolerances: Tolerances | None = None) -> None:
-    """Write the page of a report.
-
-    Parameters
-    ----------
-    report : BoundReport
-    path : str or os.PathLike
-        Such as "run.html".
-    tolerances : Tolerances, optional
-        In place of those that attach was given.
+    """Write the page of a report; tolerances : in place of those that attach was given.
 
     Raises
     ------
@@ -116,105 +99,62 @@ def write_page(report: ReportData, path: str | os.PathLike, tolerances: Toleranc
 
 def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
     """Return the page as text: verdicts, messages, scope, figures, tables, plan, versions, how to make it again."""
-    title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
-    safe = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-    parts = [
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>',
-        f'<meta http-equiv="Content-Security-Policy" content="{safe}">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
-        f"<style>{CSS}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>",
-        *([paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
-        paragraph(_extent(report), "extent"),
-        *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
-        *_verdicts(report, tolerances),
-        _section("Messages", _items(report.messages) if report.messages else paragraph("None.")),
-        _section("What the bounds cover", *_scope(report)),
-        _section("Figures", *figures(report, tolerances)),
-        _section("Tables", *_tables(report)),
-        _section("Plan", *_plan(report)),
-        _section("Versions", _versions(report)),
-        _section("Make it again", *_again(report)),
-        "</body>\n</html>\n",
-    ]
-    return "\n".join(parts)
-
-
-def _extent(report: ReportData) -> str:
-    axis, unit = ("load factor", "") if report.time == "static" else ("t", " s")
+    heard = [*messages(report)]
+    sections = {
+        "Messages": [_items(heard) if heard else paragraph("None.")],
+        "What the bounds cover": _scope(report),
+        "Figures": figures(report, tolerances),
+        "Tables": _tables(report),
+        "Plan": _plan(report),
+        "Versions": [_versions(report)],
+        "Make it again": _again(report),
+    }
     made = f", computed {report.made['date']} by {report.made['script']}" if report.made else ""
-    return f"{len(report.t)} instants, {axis} = {report.t[0]:g} ... {report.t[-1]:g}{unit}{made}"
+    first = said_first(report)
+    parts = [
+        *([paragraph(f"{first}.", "first")] if first else []),
+        paragraph(f"{extent(report)}{made}", "extent"),
+        *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if heard else []),
+        *_verdicts(report, tolerances),
+        *(_section(title, *content) for title, content in sections.items()),
+    ]
+    title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
+    return document(title, [f"<h1>{escape(title)}</h1>", *parts])
 
 
 def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
-    if not report.outputs:
+    rows, answers, why = judged(report, tolerances)
+    if not rows:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
         return
-    rows = rows_of(report, tolerances)
-    outputs = by_sensor(rows)
-    asked = asked_for(report, rows, tolerances)
-    what = "output" if len(asked) == len(rows) else "output asked for"
-    yield paragraph(summary(asked, what, ASSESS), "first")
-    yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
-    head, *lines = table(outputs, "output")
-    yield html_table("All outputs", head, lines)
-    head, *lines = table(rows, "component")
-    if len(rows) > len(outputs):
-        yield html_table("All components", head, lines)
-    notes = [f"{name}: {note}" for out, row, name in components_of(report) for note in _notes(report, out, row)]
-    if notes:
-        yield _items(notes)
-
-
-def _notes(report: ReportData, out: OutputReport, row: int) -> Iterator[str]:
-    """What stands beside a verdict: which bound, what the corrected output is worth, how far a truth is away."""
-    best = min(widest(report.scope), key=lambda e: np.max(out.bound[e][:, row], initial=0.0))
-    if not np.isfinite(np.max(out.bound["best"][:, row])):
-        yield f"No bound by '{best}'. That estimator {report.reasons[best]}."
-    if out.corrected is not None:
-        said = corrected_within(out, out.corrected_bound[:, row], report.scope)
-        yield f"{said[0].upper()}{said[1:]}."
-    if out.error is not None:
-        largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
-        off = "" if out.estimate is None else f"; {off_by(out, row)}"
-        bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
-        size = with_unit(digits(largest), out.unit)
-        yield f"The true error is up to {size}; {bound} / error: {digits(ratio)}{off}."
-        if words_of := outside(out, row, report.time):
-            yield f"{words_of}."
+    yield paragraph(answers[0], "first")
+    yield from map(paragraph, [*answers[1:], *why])
+    for caption, of, what in (("All outputs", by_sensor(rows), OUTPUT), ("All components", rows, "component")):
+        yield html_table(caption, *table(of, what))
+    yield _items(of_bounds(report))
 
 
 def _scope(report: ReportData) -> Iterator[str]:
-    rows = [(f"'{e}'", scope, MEANINGS[scope], report.reasons[e]) for e, scope in report.scope.items()]
-    yield html_table("", ("estimator", "scope", "which means", "assumptions"), rows)
+    yield _items(line.strip() for line in estimator_lines(report))
     if report.scope_reason:
         yield paragraph(f"Why: {report.scope_reason}.")
-    if report.uncertified:
-        yield paragraph("No bound of this run is certified:")
-        yield _items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
-    is_of_body = report.time == "reconstructed" and widest_scope(report.scope) == FROZEN
-    time = OF_THE_BODY if is_of_body else TIME_WORDS[report.time]
-    yield paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
+    yield paragraph(f"{NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
 def _tables(report: ReportData) -> Iterator[str]:
-    estimators = list(report.scope)
-    if report.outputs:
-        head = (
-            "output",
-            "largest value",
-            *(f"bound '{e}'{under(report.scope, e, report.uncertified)}" for e in estimators),
-            f"corrected within{f', {NOT_CERTIFIED}' if report.uncertified else ''}",
-            "round-off",
+    """Largest values over time, of what a CSV file has columns of."""
+    for out in report.outputs.values():
+        components = range(len(out.row_names))
+        rows = (
+            (what or "value", *(_largest_and_when(report, x[:, i], out.unit, what) for i in components))
+            for what, x in series_of(out, report.scope)
         )
-        rows = [_output_row(report, out, row, name, estimators) for out, row, name in components_of(report)]
-        yield html_table("Largest bounds of outputs, and when", head, rows, "numbers")
-    if estimated := [found for found in components_of(report) if is_known(found[0], found[1])]:
-        head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
-        rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
-        yield html_table("Estimates of the error, largest values over time", head, rows, "numbers")
+        title = f"{out.name}: largest values over time, and when"
+        yield html_table(title, ("over time", *out.row_names), *rows, kind="numbers")
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
+    head = ("estimator", "bound of the error of position", "of velocity")
     norms = (report.position_bound, report.velocity_bound)
     rows = [
         (
@@ -223,59 +163,33 @@ def _tables(report: ReportData) -> Iterator[str]:
         )
         for e in report.position_bound
     ]
-    head = ("estimator", "bound of the error of position", "of velocity")
     if rows:  # a mechanism has none
-        yield html_table(f"The whole body, {what}, in the units of the model", head, rows, "numbers")
+        yield html_table(f"The whole body, {what}, in the units of the model", head, *rows, kind="numbers")
 
 
-def _output_row(report: ReportData, out: OutputReport, row: int, name: str, estimators: list[str]) -> list[str]:
-    bounds = []
-    for e in estimators:
-        truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
-        bounds.append(_largest_and_when(report, out.bound[e][:, row], out.unit) + truth)
-    corrected = "" if out.corrected is None else _largest_and_when(report, out.corrected_bound[:, row], out.unit)
-    values, floor = (with_unit(digits(np.max(np.abs(x[:, row]))), out.unit) for x in (out.value, out.round_off))
-    return [name, values, *bounds, corrected, floor]
-
-
-def _estimate_row(report: ReportData, out: OutputReport, row: int, name: str) -> list[str]:
-    parts, checks = (
-        "\n".join(
-            f"{check_name(key, out.uncertified)} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items()
-        )
-        for found in (out.estimate_parts, out.uncertainty_parts)
-    )
-    size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])
-    largest = f"{with_unit(f'{np.max(size):.3g}', out.unit)}\nat {instant(report.time, report.t[np.argmax(size)])}"
-    return [
-        f"{name}{estimated_under(out, report.scope)}",
-        largest,
-        with_unit(rounded_up(half), out.unit),
-        parts,
-        checks,
-    ]
-
-
-def _largest_and_when(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
-    when = instant(report.time, report.t[np.argmax(bound)])
-    if not np.isfinite(np.max(bound)):
+def _largest_and_when(report: ReportData, x: np.ndarray, unit: str = "", what: str = "bound") -> str:
+    """The largest |x|, rounded up where it is what something is at most."""
+    at = np.argmax(np.abs(x))
+    size, when = abs(x[at]), instant(report.time, report.t[at])
+    if not np.isfinite(size):
         return f"infinite\nfrom {when}"
-    return f"{with_unit(rounded_up(np.max(bound)), unit)}\nat {when}"
+    is_signed = what in ("", "corrected", "true error") or what.startswith("estimate")
+    return f"{with_unit((digits if is_signed else rounded_up)(size), unit)}\nat {when}"
 
 
 def _plan(report: ReportData) -> Iterator[str]:
     yield _items(report.plan.computed)
     if report.plan.left_out:
-        yield html_table("Left out, and why", ("what", "why"), report.plan.left_out)
+        yield html_table("Left out, and why", ("what", "why"), *report.plan.left_out)
 
 
 def _versions(report: ReportData) -> str:
     run, here = report.made, made_here()
-    rows = [(name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here}]
-    return html_table("", ("", "bounds", "this page"), rows)
+    rows = ((name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here})
+    return html_table("", ("", "bounds", "this page"), *rows)
 
 
-def _again(report: ReportData) -> Iterator[Any]:
+def _again(report: ReportData) -> Iterator[str]:
     if not report.origin:
         yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
         return
@@ -297,12 +211,16 @@ def components_of(report: ReportData) -> Iterator[tuple[OutputReport, int, str]]
 def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterator[str]:
     """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
     condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
-    drawn = _worst(report, list(components_of(report)))
-    for out, row, name in drawn:
-        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
+    worst, left = _worst(report), []
+    for out, row, name in components_of(report):
+        if (out.name, row) not in worst:
+            left.append(name)
+            continue
+        text = escape(
+            f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
+        )
         source = _picture(report, out.name, row, tolerances)
-        yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
-    left = [name for _, _, name in components_of(report) if name not in {name for _, _, name in drawn}]
+        yield f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'
     if left:
         yield paragraph(
             "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first, "
@@ -311,24 +229,11 @@ def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterato
         )
 
 
-def _worst(report: ReportData, rows: list[tuple[OutputReport, int, str]]) -> list[tuple[OutputReport, int, str]]:
-    """At most MOST rows, in their order: the worst of as many outputs as there is room for, then others.
-
-    What nobody asked for comes last.
-    """
-    by_error = sorted(range(len(rows)), key=lambda i: (is_beside(report, rows[i][0].name), -_share(*rows[i][:2])))
-    names = [rows[i][0].name for i in by_error]
-    firsts = [i for place, i in enumerate(by_error) if names[place] not in names[:place]]
-    others = [i for i in by_error if i not in firsts]
-    return [rows[i] for i in sorted((firsts + others)[:MOST])]
-
-
-def _share(out: OutputReport, row: int) -> float:
-    """The error of a row as far as it is known, a share of the largest value of its output."""
-    known = is_known(out, row)
-    error = np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row] if known else out.bound["best"][:, row])
-    size = np.max(np.abs(out.value), initial=0.0)
-    return float(error / size) if size > 0 else float(error > 0)
+def _worst(report: ReportData) -> list[tuple[str, int]]:
+    """At most MOST rows: the worst of as many outputs as there is room for, then others."""
+    rows = worst_first(report, [(out.name, row) for out, row, _ in components_of(report)])
+    firsts = {name: (name, row) for name, row in reversed(rows)}.values()
+    return sorted(rows, key=lambda row: row not in firsts)[:MOST]
 
 
 def _has_causes(out: OutputReport, row: int) -> bool:
@@ -338,11 +243,11 @@ def _has_causes(out: OutputReport, row: int) -> bool:
 @of_one_size
 def _picture(report: ReportData, name: str, row: int, tolerances: Tolerances | None) -> str:
     """Pairs of axes as a data address."""
-    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(report.output(name), row)]
+    out = report.output(name)
+    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(out, row)]
     figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
-    axes = figure.subplots(len(draws), 1, sharex=True)
-    limit = limit_of(report.output(name), tolerances)
-    for ax, draw in zip(axes, draws, strict=True):
+    limit = limit_of(out, tolerances)
+    for ax, draw in zip(figure.subplots(len(draws), 1, sharex=True), draws, strict=True):
         draw(ax, report, name, row, *([limit.size] if draw is draw_bounds and limit.is_asked else []))
         ax.tick_params(labelbottom=True)
     kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
@@ -352,6 +257,11 @@ def _picture(report: ReportData, name: str, row: int, tolerances: Tolerances | N
 
 
 # --- elements: text goes in as it is, and is escaped here ---
+
+
+def document(title: str, parts: Iterable[str]) -> str:
+    """Return a whole page of elements."""
+    return "\n".join([HEAD.format(title=escape(title), css=CSS), *parts, "</body>\n</html>\n"])
 
 
 def _section(title: str, *content: str) -> str:
@@ -370,7 +280,7 @@ def _items(texts: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{_words(text)}</li>" for text in texts) + "\n</ul>"
 
 
-def html_table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "prose") -> str:
+def html_table(caption: str, head: Sequence[str], *rows: Sequence[str], kind: str = "prose") -> str:
     """Return a table of a CSS class; the first cell of a row is its heading."""
     above = f"<caption>{escape(caption)}</caption>\n" if caption else ""
     top = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)

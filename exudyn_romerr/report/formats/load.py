@@ -73,10 +73,10 @@ def _output(arrays: dict, meta: dict, i: int) -> OutputReport:
     known = {name: meta[key][i] for key, name in OF_OUTPUTS.items() if key in meta}
     known = {name: tuple(x) if isinstance(x, list) else x for name, x in known.items()}
     doubts = _doubts(meta, meta["uncertified_outputs"][i] if "uncertified_outputs" in meta else None)
-    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
-    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
-    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    return OutputReport(*meta["outputs"][i], **plain, **dicts, **optional, **known, uncertified=doubts)
+    own = _under(arrays, f"output/{i}/")
+    fields = {kind: _under(own, f"{kind}/") for kind in DICTS} | {kind: own.get(kind) for kind in OPTIONAL}
+    fields |= {kind: own[kind] for kind in ("value", "round_off")}
+    return OutputReport(*meta["outputs"][i], **fields, **known, uncertified=doubts)
 
 
 def _doubts(meta: dict, found: list | None) -> tuple[Doubt, ...]:
@@ -89,9 +89,10 @@ def _doubts(meta: dict, found: list | None) -> tuple[Doubt, ...]:
 def _at_nodes(arrays: dict) -> NodeFields | None:
     if not (bound := _under(arrays, "node/")):
         return None
-    found = {kind: _under(arrays, f"nodes/{kind}/") for kind in NODE_DICTS}
+    of = _under(arrays, "nodes/")
+    found = {kind: _under(of, f"{kind}/") for kind in NODE_DICTS}
     found["instant"] = {e: float(t) for e, t in found["instant"].items()}
-    return NodeFields(bound, positions=arrays.get("nodes/positions"), **found)
+    return NodeFields(bound, positions=of.get("positions"), **found)
 
 
 def _bodies(arrays: dict, origin: str) -> tuple[BoundReport, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,27 +39,23 @@ def write_npz(report: ReportData, path: str | os.PathLike) -> None:
 def arrays_of(report: ReportData) -> dict[str, np.ndarray]:
     """Return everything as plain arrays; "meta" is a text, in JSON."""
     arrays = {"meta": np.array(json.dumps(_meta(report))), "t": report.t}
-    arrays.update({f"position/{e}": x for e, x in report.position_bound.items()})
-    arrays.update({f"velocity/{e}": x for e, x in report.velocity_bound.items()})
-    if isinstance(report.nodes, NodeFields):
-        arrays.update(_at_nodes(report.nodes))
+    arrays |= _under("position/", report.position_bound) | _under("velocity/", report.velocity_bound)
     for i, out in enumerate(report.outputs.values()):
-        arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
-        for kind in OPTIONAL:
-            if getattr(out, kind) is not None:
-                arrays[f"output/{i}/{kind}"] = getattr(out, kind)
+        own = {kind: getattr(out, kind) for kind in ("value", "round_off", *OPTIONAL)}
         for kind in DICTS:
-            arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
-    for i, body in enumerate(getattr(report, "bodies", ())):  # of a mechanism: whole reports
-        arrays.update({f"body/{i}/{key}": x for key, x in arrays_of(body).items()})
+            own |= _under(f"{kind}/", getattr(out, kind))
+        arrays |= _under(f"output/{i}/", own)
+    for i, body in enumerate(report.bodies):  # of a mechanism: whole reports
+        arrays |= _under(f"body/{i}/", arrays_of(body))
+    if isinstance(nodes := report.nodes, NodeFields):
+        arrays |= _under("node/", nodes.bound) | _under("nodes/", {"positions": nodes.positions})
+        for kind in NODE_DICTS:
+            arrays |= _under(f"nodes/{kind}/", getattr(nodes, kind))
     return arrays
 
 
-def _at_nodes(nodes: NodeFields) -> dict[str, np.ndarray]:
-    arrays = {f"node/{e}": x for e, x in nodes.bound.items()}
-    for kind in NODE_DICTS:
-        arrays.update({f"nodes/{kind}/{e}": np.asarray(x) for e, x in getattr(nodes, kind).items()})
-    return arrays if nodes.positions is None else {**arrays, "nodes/positions": nodes.positions}
+def _under(prefix: str, of: dict[str, Any]) -> dict[str, np.ndarray]:
+    return {f"{prefix}{key}": np.asarray(x) for key, x in of.items() if x is not None}
 
 
 def _plain(doubts: Iterable[Doubt]) -> list[tuple[str, ...]]:

@@ -9,9 +9,8 @@ import numpy as np
 from ..cures import FAR, SHARPER
 from ..report_rows import asked_for, rows_of
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
-from ..table import ASSESS, aligned, by_sensor, first_sentences, reasons, table
+from ..table import ASSESS, aligned, by_sensor, first_sentences, has_numbers, reasons, table
 from ..table import summary as first_sentence
-from ..verdicts import NONE
 from ..wording import (
     AS_IN_THIS_RUN,
     NOT_THE_MECHANISM,
@@ -20,79 +19,86 @@ from ..wording import (
     covers_time,
     digits,
     error_kind,
+    estimator_lines,
     is_known,
+    largest,
     off_by,
     outside,
     rounded_up,
     said_first,
+    shared_lines,
     under,
     widest_scope,
     with_unit,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from ..answers import Tolerances
     from ..data import OutputReport, ReportData
+    from ..verdicts import Row
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
 OUTPUT = "output"  # what a line of its tables is of
 
 
-def summary(report: ReportData, scope_lines: Sequence[str], tolerances: Tolerances | None = None) -> str:
-    """Return the text of a report, a line for each output; scope_lines : what the bounds cover.
-
-    tolerances : in place of those that attach was given.
-    """
-    compared = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
-    lines = [*_first(report), *_answers(report, tolerances), *compared, *_messages(report)]
-    return "\n".join([*lines, *scope_lines, *([MORE] if report.outputs else [])])
-
-
-def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
-    """Return a line for every component, and what bounds say of each output; estimator_lines : of the whole body."""
-    lines, rows = [*_first(report), *_messages(report)], rows_of(report)
-    lines += aligned(table(rows, OUTPUT)) if rows else []
-    for place, out in enumerate(report.outputs.values()):
-        lines += [f"{out.name}: {said}" for said in _of_bounds(report, out, place == 0)]
-        lines += _compared(out, report.time, f"{out.name}: ")
-    return "\n".join([*lines, *estimator_lines])
+def summary(report: ReportData, tolerances: Tolerances | None = None) -> str:
+    """Return the text of a report, a line for each output; tolerances : in place of those that attach was given."""
+    rows, answers, why = judged(report, tolerances)
+    tables = ["", *aligned(table(by_sensor(rows), OUTPUT)), ""] if has_numbers(rows) else []
+    truths = [line for out in report.outputs.values() for line in _compared(out, report.time)]
+    lines = [*_first(report), *answers, *tables, *why, *truths, *(f"! {text}" for text in messages(report))]
+    return "\n".join([*lines, *shared_lines(report), *([MORE] if rows else [])])
 
 
-def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
-    """Sentences of what was asked for, and the table, with what stands beside it for the sake of its bounds."""
+def details(report: ReportData) -> str:
+    """Return a line for every component, what bounds say of each output, and of the whole body."""
+    rows = rows_of(report)
+    lines = [*_first(report), *(f"! {text}" for text in messages(report))]
+    return "\n".join(
+        [*lines, *(aligned(table(rows, OUTPUT)) if rows else []), *of_bounds(report), *estimator_lines(report)]
+    )
+
+
+def judged(report: ReportData, tolerances: Tolerances | None) -> tuple[list[Row], list[str], list[str]]:
+    """Return rows, with what stands beside outputs; sentences on what was asked for; why something is not known."""
     rows = rows_of(report, tolerances)
     if not rows:
-        return []
+        return [], [], []
     asked = asked_for(report, rows, tolerances)
-    known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
-    tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
-    what = OUTPUT if len(asked) == len(rows) else f"{OUTPUT} asked for"
-    return [first_sentence(asked, what, ASSESS), *tables, *reasons(asked)]
+    first = first_sentence(asked, OUTPUT if len(asked) == len(rows) else f"{OUTPUT} asked for", ASSESS)
+    return rows, [first, *(first_sentences(asked) if has_numbers(rows) else [])], reasons(asked)
 
 
-def _of_bounds(report: ReportData, out: OutputReport, is_first: bool) -> Iterator[str]:
-    """What bounds say of an output, each with its condition, in full in the first line, and its corrected value."""
-    is_frozen, most = widest_scope(report.scope) == FROZEN, "bounded by" if out.uncertified else "at most"
-    known = _by_all(report, out)
+def of_bounds(report: ReportData) -> Iterator[str]:
+    """Yield what bounds say of each output, a condition in full in the first line alone, and truths compared."""
+    condition = f" ({NOT_THE_MECHANISM})"
+    for out in report.outputs.values():
+        yield from (f"{out.name}: {said}" for said in _of_output(report, out, condition))
+        yield from _compared(out, report.time)
+        condition = ""
+
+
+def _of_output(report: ReportData, out: OutputReport, condition: str) -> Iterator[str]:
+    known, most = _by_all(report, out), "bounded by" if out.uncertified else "at most"
     if not known:
         yield "no finite bound: report.reason(...) says why"
-    elif is_frozen:
-        yield f"{AS_IN_THIS_RUN} its error is {most} {known}{f' ({NOT_THE_MECHANISM})' if is_first else ''}"
+    elif widest_scope(report.scope) == FROZEN:
+        yield f"{AS_IN_THIS_RUN} its error is {most} {known}{condition}"
     else:
         yield f"its {error_kind(report.time)} is {most} {known}"
     if (times := _times_the_estimate(report, out)) > FAR:
         yield SHARPER.format(digits(times, 2))
     if out.corrected is not None and not _tells_nothing(out):
-        yield corrected_within(out, out.corrected_bound, report.scope, in_full=False)
+        yield corrected_within(out, report.scope)
 
 
 def _times_the_estimate(report: ReportData, out: OutputReport) -> float:
     """How far a bound of the modes is above the estimate of what it bounds; 0 where vectors lower none."""
     if not is_known(out) or widest_scope(report.scope) != COUPLED:
         return 0.0
-    bound, error = np.max(out.bound["best"]), np.max(np.abs(out.estimate - out.estimate_parts.get("time step", 0.0)))
+    bound, error = np.max(out.bound["best"]), largest(out.estimate - out.estimate_parts.get("time step", 0.0))
     return float(bound / error) if error > 0 and np.isfinite(bound) else 0.0
 
 
@@ -108,35 +114,37 @@ def _by_all(report: ReportData, out: OutputReport) -> str:
 def _tells_nothing(out: OutputReport) -> bool:
     """Whether the corrected output may be as far off as the output is large, for all that is known."""
     left = np.max(out.corrected_bound)
-    return np.isfinite(left) and bool(left >= np.max(np.abs(out.value)) > 0)
+    return np.isfinite(left) and bool(left >= largest(out.value) > 0)
 
 
 def _first(report: ReportData) -> list[str]:
-    """Return what stands first: what is not covered at all, then the instants."""
+    """What stands first: what is not covered at all, then the instants."""
     first = said_first(report)
-    return [*([f"! {first}"] if first else []), _extent(report)]
+    return [*([f"! {first}"] if first else []), extent(report)]
 
 
-def _extent(report: ReportData) -> str:
+def extent(report: ReportData) -> str:
+    """Return how many instants there are, from when to when."""
     axis = "load factor" if report.time == "static" else "t / s"
     return f"{len(report.t)} instants, {axis} = {report.t[0]:g} .. {report.t[-1]:g}"
 
 
-def _messages(report: ReportData) -> Iterator[str]:
-    yield from (f"! {message}" for message in report.messages)
+def messages(report: ReportData) -> Iterator[str]:
+    """Yield what the reader must know first."""
+    yield from report.messages
     if report.time == "sampled":
         outputs = report.outputs.values()
         only_bounds = any(out.estimate is not None and covers_time(out, report.time) for out in outputs)
-        yield f"! {'bounds: ' if only_bounds else ''}{SAMPLED}"
+        yield f"{'bounds: ' if only_bounds else ''}{SAMPLED}"
 
 
-def _compared(out: OutputReport, time: str, begin: str) -> Iterator[str]:
+def _compared(out: OutputReport, time: str) -> Iterator[str]:
     """What a truth says that was compared."""
     if not out.effectivity:
         return
     ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
     off = "" if out.estimate is None else f"; {off_by(out)}"
     bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
-    largest = with_unit(digits(np.max(np.abs(out.error))), out.unit)
-    yield f"{begin}true error up to {largest}; {bound} / error: {ratios}{off}"
+    size = with_unit(digits(largest(out.error)), out.unit)
+    yield f"{out.name}: true error up to {size}; {bound} / error: {ratios}{off}"
     yield from (f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, time)))

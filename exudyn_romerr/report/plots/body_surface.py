@@ -12,7 +12,7 @@ from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
 from ..scope import NOT_CERTIFIED
 from ..wording import axis_label, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
-from .style import COLOURS, THIN, WIDE, picture
+from .style import COLOURS, THIN, WIDE, largest_finite, picture
 
 if TYPE_CHECKING:
     import os
@@ -78,7 +78,6 @@ def draw_body(
     bound, at = report.node_bound[e], int(np.argmax(report.position_bound[e]))
     positions, cells = _mesh(mesh, len(bound))
     moved, scale = _moved(positions, None if displacement is None else displacement(at))
-    cells = np.arange(len(positions))[:, None] if cells is None else cells
     if scale is not None and cells.shape[1] == 2:
         ax.add_collection3d(Line3DCollection(positions[cells], colors="#999999", linewidths=THIN, linestyles="--"))
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
@@ -97,14 +96,21 @@ def surface_triangles(elements: Any) -> np.ndarray:
     return faces[first[count == 1]]
 
 
-def _mesh(mesh: Any, nodes: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Positions (nodes, 3) and what is drawn between them: lines (e, 2) or triangles (e, 3)."""
-    if not hasattr(mesh, "GetNodePositionsAsArray") and not (isinstance(mesh, tuple | list) and len(mesh) == 2):
+def _mesh(mesh: Any, nodes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (nodes, 3) and what is drawn: nodes (e, 1), lines (e, 2) or triangles (e, 3)."""
+    if hasattr(mesh, "GetNodePositionsAsArray"):
+        positions, elements = mesh.GetNodePositionsAsArray(), mesh.GetSurfaceTriangles()
+        if not len(elements):
+            raise InputError(
+                "fem has no surface; call fem.VolumeToSurfaceElements() first, or pass (positions, elements)"
+            )
+    elif isinstance(mesh, tuple | list) and len(mesh) == 2:
+        positions, elements = mesh
+    else:
         raise InputError(f"mesh is a {type(mesh).__name__}; needed: a FEMinterface, or (positions, elements)")
-    positions, elements = _of_fem(mesh) if hasattr(mesh, "GetNodePositionsAsArray") else mesh
     positions = check_array("positions of mesh", positions, (nodes, 3))
     if elements is None:
-        return positions, None
+        return positions, np.arange(nodes)[:, None]
     elements = np.atleast_2d(elements)
     columns = elements.shape[1]
     if columns not in (2, 3, *TETRAHEDRA):
@@ -115,15 +121,6 @@ def _mesh(mesh: Any, nodes: int) -> tuple[np.ndarray, np.ndarray | None]:
     return positions, surface_triangles(elements) if columns in TETRAHEDRA else elements
 
 
-def _of_fem(fem: Any) -> tuple:
-    triangles = fem.GetSurfaceTriangles()
-    if not len(triangles):
-        raise InputError(
-            "fem has no surface; call fem.VolumeToSurfaceElements() first, or pass (positions, elements)"
-        )
-    return fem.GetNodePositionsAsArray(), triangles
-
-
 def _moved(positions: np.ndarray, displacement: Any) -> tuple[np.ndarray, float | None]:
     """Positions of the deformed mesh, and how many times too large it is drawn; None: as it is."""
     if displacement is None:
@@ -131,14 +128,12 @@ def _moved(positions: np.ndarray, displacement: Any) -> tuple[np.ndarray, float 
     displacement = check_array("displacement", displacement, positions.shape)
     size = np.max(np.ptp(positions, axis=0), initial=0.0)
     largest = np.max(np.linalg.norm(displacement, axis=1), initial=0.0)
-    scale = _rounded(SHOWN * size / largest) if largest > 0 else 1.0
+    if largest == 0:
+        return positions, 1.0
+    exact = SHOWN * size / largest
+    power = 10.0 ** np.floor(np.log10(exact))  # the scale is 1, 2 or 5 times a power of ten
+    scale = float(max(step for step in (1.0, 2.0, 5.0) if step * power <= exact * (1 + 1e-12)) * power)
     return positions + scale * displacement, scale
-
-
-def _rounded(x: float) -> float:
-    """1, 2 or 5 times a power of ten, at most x."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(max(step for step in (1.0, 2.0, 5.0) if step * power <= x * (1 + 1e-12)) * power)
 
 
 def _coloured(ax: Any, places: np.ndarray, cells: np.ndarray, bound: np.ndarray) -> Any:
@@ -147,11 +142,8 @@ def _coloured(ax: Any, places: np.ndarray, cells: np.ndarray, bound: np.ndarray)
     from matplotlib.colors import Normalize
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-    finite = bound[np.isfinite(bound)]
-    style = {
-        "cmap": colormaps[MAP].with_extremes(bad=COLOURS["error"]),
-        "norm": Normalize(0.0, np.max(finite, initial=0.0) or 1.0),
-    }
+    norm = Normalize(0.0, largest_finite(bound) or 1.0)
+    style = {"cmap": colormaps[MAP].with_extremes(bad=COLOURS["error"]), "norm": norm}
     colours = np.ma.masked_invalid(bound)
     if cells.shape[1] == 1:
         return ax.scatter(*places.T, c=colours, plotnonfinite=True, depthshade=False, clip_on=False, **style)

@@ -3,46 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
+from ..cures import CAUSES
 from ..table import TITLES, by_sensor
-from ..verdicts import CAUSES
 from ..wording import axis_label
 from .style import (
     CAUSE_STYLES,
     COLOURS,
     KINDS,
-    LETTER,
-    LETTERS,
     WIDE,
     finish,
     log_line,
     new_figure,
     of_one_size,
     picture,
+    put_title,
     save,
 )
 
 if TYPE_CHECKING:
     import os
 
-    from ..verdicts import Row, Verdict
+    from ..verdicts import Row
 
 
-OF_CAUSES = {  # colour, hatch
-    "modes": CAUSE_STYLES["basis"][1:],
-    "interfaces": CAUSE_STYLES["interfaces"][1:],
-    "step": CAUSE_STYLES["time step"][1:],
-    "start": CAUSE_STYLES["initial"][1:],
-}
+# colour, hatch
+OF_CAUSES = dict(
+    zip(CAUSES, (CAUSE_STYLES[x][1:] for x in ("basis", "interfaces", "time step", "initial")), strict=True)
+)
 MOST = 12  # sensors in one picture: names of more run into each other; those with the largest errors
 BAR = 0.8  # of the place of a sensor
 HIGH = 4.6  # inches
-LABELS = (((5, 5), "left"), ((-5, -13), "right"))  # beside a point, in turn: kinds of basis often come close
 
 
 class TimedRun(NamedTuple):
@@ -90,24 +85,27 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     On the Pareto front are the runs that no other one beats in both run time and bound; errors, which are not known
     to whoever asks, have no part in it.
     """
-    from matplotlib.ticker import LogLocator, NullLocator
-
     runs = _checked(rows, TimedRun)
     if not all(0 < run.seconds < np.inf for run in runs):
         raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
-    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=axis_label(f"largest error of {name}", unit))
-    _draw_front(ax, runs)
     kinds = list(dict.fromkeys(run.kind for run in runs))
     if len(kinds) > len(KINDS):
         raise InputError(f"rows have {len(kinds)} kinds of basis; a picture tells {len(KINDS)} apart")
-    for kind, (colour, marker) in zip(kinds, KINDS, strict=False):
+    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=axis_label(f"largest error of {name}", unit))
+    best = [runs[i] for i in pareto_front([run.seconds for run in runs], [run.bound for run in runs])]
+    front = [(run.seconds, run.bound) for run in best if run.bound > 0]  # a bound of zero has no place on the axis
+    style = {"drawstyle": "steps-post", "color": "#BBBBBB", "linewidth": 3 * WIDE, "zorder": 0}
+    ax.plot(*np.reshape(front, (-1, 2)).T, label="Pareto front of the bounds", **style)
+    for k, (kind, (colour, marker)) in enumerate(zip(kinds, KINDS, strict=False)):
         its, style = [run for run in runs if run.kind == kind], {"color": colour, "marker": marker}
         _draw_pair(ax, [run.seconds for run in its], its, {**style, "label": kind}, style)
+        for run in its:
+            if run.label and 0 < run.bound < np.inf:
+                _write_beside(ax, run.label, (run.seconds, run.bound), k, "small")
     ax.plot([], [], "o-", color="#777777", label="filled: bound")
     if any(run.error is not None for run in runs):
         ax.plot([], [], "o:", color="#777777", markerfacecolor="none", label="hollow: true error")
-    _write_labels(ax, runs, kinds)
-    ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
+    _plain_numbers(ax.xaxis)
     ax.margins(0.1)
     finish(ax, f"{name}: error against run time", _infinite(runs))
 
@@ -126,25 +124,24 @@ def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
     table : Tuning.table, of runs and forecasts
     title : above it
     """
-    from matplotlib.ticker import LogLocator, NullLocator
-
     known = [line for line in table if line["ratio"]]
-    for how, style in (("run", {"marker": "o"}), ("forecast", {"marker": "o", "markerfacecolor": "none"})):
-        its = [line for line in known if line["how"] == how]
-        at = [x["cpu_s"] for x in its], [100 * x["ratio"] for x in its]
-        ax.plot(*at, linestyle="none", color=COLOURS["auxiliary"], label=how, **style)
-    found = [line for line in known if line["is_found"] and line["how"] == "run"]
-    at = [x["cpu_s"] for x in found], [100 * x["ratio"] for x in found]
-    ax.plot(*at, "o", markersize=14, markerfacecolor="none", color=COLOURS["error"], label="found")
+    kinds = {
+        "run": ({"color": COLOURS["auxiliary"]}, lambda line: line["how"] == "run"),
+        "forecast": ({"color": COLOURS["auxiliary"], "mfc": "none"}, lambda line: line["how"] == "forecast"),
+        "found": (
+            {"color": COLOURS["error"], "mfc": "none", "markersize": 14},
+            lambda line: line["is_found"] and line["how"] == "run",
+        ),
+    }
+    for label, (style, is_one) in kinds.items():
+        at = [(line["cpu_s"], 100 * line["ratio"]) for line in known if is_one(line)]
+        ax.plot(*np.reshape(at, (-1, 2)).T, "o", label=label, **style)
     ax.axhline(100, color="#555555", linestyle="--", linewidth=WIDE, label="tolerance")
     for k, line in enumerate(known):
-        offset, side = LABELS[k % 2]
         text = f"{', '.join(map(str, line['numbers'])) or '-'} | {line['steps']}"
-        style = {"textcoords": "offset points", "fontsize": "x-small", "ha": side}
-        ax.annotate(text, (line["cpu_s"], 100 * line["ratio"]), offset, **style)
+        _write_beside(ax, text, (line["cpu_s"], 100 * line["ratio"]), k, "x-small")
     ax.set(xscale="log", yscale="log", xlabel="CPU time of the solves / s", ylabel="largest error / tolerance in %")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
+    _plain_numbers(ax.xaxis, ax.yaxis)
     ax.margins(0.2)
     finish(ax, title, ["beside the points: modes | steps"])
 
@@ -183,12 +180,8 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
 
 def pareto_front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
     """Return the places of runs that no other one beats in both, the fastest first."""
-    best, found = np.inf, []
-    for i in sorted(range(len(bounds)), key=lambda i: (seconds[i], bounds[i])):
-        if bounds[i] < best:
-            best = bounds[i]
-            found.append(i)
-    return found
+    order = sorted(range(len(bounds)), key=lambda i: (seconds[i], bounds[i]))
+    return [i for k, i in enumerate(order) if bounds[i] < min((bounds[j] for j in order[:k]), default=np.inf)]
 
 
 def _infinite(runs: list) -> list[str]:
@@ -197,29 +190,26 @@ def _infinite(runs: list) -> list[str]:
     return [f"{count} of {len(runs)} bounds infinite"] if count else []
 
 
-def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:
-    for run in runs:
-        if run.label and 0 < run.bound < np.inf:
-            offset, side = LABELS[kinds.index(run.kind) % 2]
-            style = {"textcoords": "offset points", "fontsize": "small", "ha": side}
-            ax.annotate(run.label, (run.seconds, run.bound), offset, **style)
+def _plain_numbers(*axes: Any) -> None:
+    """Ticks of logarithmic axes: 1, 2, 5 and their multiples by ten, written as such."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    for axis in axes:
+        axis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
 
 
-def _draw_front(ax: Any, runs: list[TimedRun]) -> None:
-    best = [runs[i] for i in pareto_front([run.seconds for run in runs], [run.bound for run in runs])]
-    best = [run for run in best if run.bound > 0]  # a bound of zero has no place on the axis
-    style = {"drawstyle": "steps-post", "color": "#BBBBBB", "linewidth": 3 * WIDE, "zorder": 0}
-    ax.plot([r.seconds for r in best], [r.bound for r in best], label="Pareto front of the bounds", **style)
+def _write_beside(ax: Any, text: str, point: tuple[float, float], turn: int, size: str) -> None:
+    """A word beside a point, above and below in turn: kinds of basis often come close."""
+    offset, side = (((5, 5), "left"), ((-5, -13), "right"))[turn % 2]
+    ax.annotate(text, point, offset, textcoords="offset points", fontsize=size, ha=side)
 
 
 def _draw_pair(ax: Any, x: list, runs: list, bound: dict, error: dict) -> None:
     """Bounds filled and solid, true errors hollow and dotted; those that are not known are left out."""
-    x, bounds = np.array(x, dtype=float), np.array([run.bound for run in runs], dtype=float)
-    log_line(ax, x, bounds, **bound)
-    known = [i for i, run in enumerate(runs) if run.error is not None]
+    log_line(ax, np.array(x, dtype=float), np.array([run.bound for run in runs], dtype=float), **bound)
+    known = [(at, run.error) for at, run in zip(x, runs, strict=True) if run.error is not None]
     if known:
-        errors = np.array([runs[i].error for i in known], dtype=float)
-        log_line(ax, x[known], errors, markerfacecolor="none", linestyle=":", **error)
+        log_line(ax, *np.array(known, dtype=float).T, markerfacecolor="none", linestyle=":", **error)
 
 
 def _checked(rows: Sequence[tuple], kind: type) -> list:
@@ -228,15 +218,13 @@ def _checked(rows: Sequence[tuple], kind: type) -> list:
     if not rows:
         raise InputError("rows is empty; pass one for every run")
     most, least = len(kind._fields), len(kind._fields) - len(kind._field_defaults)
-    wrong = [row for row in rows if not least <= len(row) <= most]
-    if wrong:
-        raise InputError(f"rows has {wrong[0]!r}; needed: {least} to {most} of ({', '.join(kind._fields)})")
+    for row in rows:
+        if not least <= len(row) <= most:
+            raise InputError(f"rows has {row!r}; needed: {least} to {most} of ({', '.join(kind._fields)})")
     runs = [kind(*row) for row in rows]
-    for run in runs:
-        for field in ("bound", "error"):
-            value = getattr(run, field)
-            if value is not None and not value >= 0:
-                raise InputError(f"rows has a {field} of {value!r}; needed: a number, zero or above, or inf")
+    for field, value in ((field, getattr(run, field)) for run in runs for field in ("bound", "error")):
+        if value is not None and not value >= 0:
+            raise InputError(f"rows has a {field} of {value!r}; needed: a number, zero or above, or inf")
     return runs
 
 
@@ -256,9 +244,9 @@ def plot_verdicts(rows: Sequence[Row], path: str | os.PathLike, title: str = "Er
     sensors = sorted(sensors, key=lambda row: -row.of["sum"].most / row.extent)[:MOST]
     causes = [cause for cause in CAUSES if any(_known(row, cause) for row in sensors)]
     figure = new_figure(min(max(6.4, 0.7 * len(sensors) + 2.5), 10.0), HIGH)
-    axes = figure.subplots()
+    axes, width = figure.subplots(), BAR / max(len(causes), 1)
     for k, cause in enumerate(causes):
-        _draw_cause(axes, sensors, cause, k - (len(causes) - 1) / 2, BAR / max(len(causes), 1))
+        _draw_cause(axes, sensors, cause, (k - (len(causes) - 1) / 2) * width, width)
     _draw_whole(axes, sensors)
     if any(row.of[cause].half_width is None for row in sensors for cause in causes if _known(row, cause)):
         axes.plot([], [], "^", color="0.3", label="that or more")
@@ -267,7 +255,7 @@ def plot_verdicts(rows: Sequence[Row], path: str | os.PathLike, title: str = "Er
     axes.set_xticks(range(len(sensors)), [row.label or row.name for row in sensors], **turn)
     axes.grid(axis="y", alpha=0.4)
     axes.set_axisbelow(True)
-    figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
+    put_title(figure, title)
     if entries := len(axes.get_legend_handles_labels()[1]):  # none where nothing is known
         figure.legend(loc="outside lower center", ncols=max(2, -(-entries // 2)), fontsize="small", frameon=False)
     save(figure, path)
@@ -277,33 +265,30 @@ def plot_verdicts(rows: Sequence[Row], path: str | os.PathLike, title: str = "Er
 def _draw_cause(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: float) -> None:
     """Bars of one cause, with half widths as lines; an arrow where it is that or more."""
     colour, hatch = OF_CAUSES[cause]
-    at = [i for i, row in enumerate(sensors) if _known(row, cause)]
-    verdicts = [sensors[i].of[cause] for i in at]
-    sizes = [_share(sensors[i], x.size) for i, x in zip(at, verdicts, strict=True)]
-    halves = [_share(sensors[i], x.half_width or 0.0) for i, x in zip(at, verdicts, strict=True)]
-    places = [i + offset * width for i in at]
-    label = f"{TITLES[cause]}, {verdicts[0].how}"
-    axes.bar(places, sizes, width, color=colour, hatch=hatch, edgecolor="white", label=label)
-    below = [min(half, 0.9 * size) for half, size in zip(halves, sizes, strict=True)]  # a logarithm has no zero
-    for more in (False, True):
-        of = [k for k, x in enumerate(verdicts) if (x.half_width is None) == more]
-        if of:
-            x, y, low, high = ([found[k] for k in of] for found in (places, sizes, below, sizes if more else halves))
-            style = {"lolims": True, "capsize": 4} if more else {"capsize": 3}
-            axes.errorbar(x, y, [[0.0] * len(of) if more else low, high], fmt="none", color="0.3", **style)
+    known = [(i + offset, row, row.of[cause]) for i, row in enumerate(sensors) if _known(row, cause)]
+    label = f"{TITLES[cause]}, {known[0][2].how}"
+    bars = np.array([(at, _share(row, x.size), _share(row, x.half_width or 0.0)) for at, row, x in known])
+    axes.bar(bars[:, 0], bars[:, 1], width, color=colour, hatch=hatch, edgecolor="white", label=label)
+    is_open = np.array([x.half_width is None for _, _, x in known])
+    for of, style in ((~is_open, {"capsize": 3}), (is_open, {"lolims": True, "capsize": 4})):
+        if of.any():
+            at, sizes, halves = bars[of].T
+            below = np.minimum(halves, 0.9 * sizes)  # a logarithm has no zero
+            above = sizes if style.get("lolims") else halves
+            axes.errorbar(at, sizes, [below, above], fmt="none", color="0.3", **style)
 
 
 def _draw_whole(axes: Any, sensors: Sequence[Row]) -> None:
     """The estimate of the whole error as a diamond, the tolerance that was given as a line at the sensor's place."""
-    at = [i for i, row in enumerate(sensors) if row.estimated is not None and row.estimated.size]
-    if at:
-        shares = [_share(sensors[i], sensors[i].estimated.size) for i in at]
-        axes.plot(at, shares, "kD", markersize=5, label="whole error, estimated")
-    at = [i for i, row in enumerate(sensors) if row.is_asked and row.tolerance]
-    if at:
-        shares = [_share(sensors[i], sensors[i].tolerance) for i in at]
-        low, high = ([i + side * BAR / 2 for i in at] for side in (-1, 1))
-        axes.hlines(shares, low, high, colors=COLOURS["tolerance"], linewidth=2.5, label="tolerance")
+    estimated = {i: row for i, row in enumerate(sensors) if row.estimated is not None and row.estimated.size}
+    if estimated:
+        shares = [_share(row, row.estimated.size) for row in estimated.values()]
+        axes.plot([*estimated], shares, "kD", markersize=5, label="whole error, estimated")
+    asked = {i: row for i, row in enumerate(sensors) if row.limit.is_asked and row.tolerance}
+    if asked:
+        shares, at = [_share(row, row.tolerance) for row in asked.values()], np.array([*asked])
+        style = {"colors": COLOURS["tolerance"], "linewidth": 2.5, "label": "tolerance"}
+        axes.hlines(shares, at - BAR / 2, at + BAR / 2, **style)
 
 
 def _share(row: Row, x: float) -> float:
@@ -312,5 +297,4 @@ def _share(row: Row, x: float) -> float:
 
 
 def _known(row: Row, cause: str) -> bool:
-    verdict: Verdict | None = row.of.get(cause)
-    return verdict is not None and bool(verdict.size)
+    return cause in row.of and bool(row.of[cause].size)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,14 +14,10 @@ from ..wording import covers_time, estimate_scope, largest, rounded_up, under, w
 from .style import (
     CAUSE_STYLES,
     COLOURS,
-    MARKERS,
     OF_BOUND,
     OF_HALF_WIDTH,
-    OTHERS,
-    STYLES,
     THIN,
     WIDE,
-    above,
     finish,
     infinite,
     isolated,
@@ -29,6 +26,7 @@ from .style import (
     limits_of_errors,
     limits_of_signal,
     log_line,
+    look_of,
     mark_zeros,
     quantity,
     spread,
@@ -37,13 +35,14 @@ from .style import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..data import OutputReport, ReportData
+    from ..data import ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
 BAR = 12  # points: how wide a band is at a single instant
 EDGE = 2.0  # points: of a band that is narrower than the line in it this much is seen beside the line
 PALE, FULL = 0.15, 0.35  # how much of its colour a band has
+WHOLE, OF_MODES = "error", "error of the modes"
 
 
 def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
@@ -65,35 +64,34 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     InputError
         Unknown output, or a row that it does not have.
     """
-    out, t = _row_of(report, name, row), report.t
-    value, bound = out.value[:, row], out.bound["best"][:, row]
-    lines = [value, *([] if out.error is None else [value + out.error[:, row]])]
-    has_bound, best = _bound_covers(report, out), _corrected(report, out, row)
-    bands = [((value - bound, value + bound), OF_BOUND)] if has_bound else []
-    if best is not None:
-        guess, half, word, label = best
-        bands += [((guess, guess), OF_BOUND), ((guess - half, guess + half), OF_HALF_WIDTH)]
+    of = _Row(report, name, row)
+    t, value, bound, guess = of.t, of.value, of.best, of.best_guess()
+    lines = [value] if of.error is None else [value, value + of.error]
+    bands = [((value - bound, value + bound), OF_BOUND)] if of.bound_covers_all else []
+    if guess is not None:
+        what, y, half, label = guess
+        bands += [((y, y), OF_BOUND), ((y - half, y + half), OF_HALF_WIDTH)]
     limits, leaves = limits_of_signal(lines, bands)
-    ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
-    if has_bound and np.isfinite(bound).any():
-        cut = ", cut off" * leaves[0]
-        _band(ax, t, value, bound, _colour(report, out, row), f"± {_bound(out)}, {_most(out, bound)}{cut}", FULL)
-    if best is not None:
+    dots = "o" if len(t) == 1 else None  # a single instant has no line
+    ax.plot(t, value, color=COLOURS["value"], marker=dots, label="reduced model")
+    if of.bound_covers_all and np.isfinite(bound).any():
+        said = f"± bound{of.doubt}, {of.most(bound)}{', cut off' * leaves[0]}"
+        _band(ax, t, value, bound, of.colour_of_best(), said, FULL)
+    if guess is not None:
         style = {"color": COLOURS["estimate"], "label": f"{label}{', cut off' * any(leaves[-2:])}"}
         # wider than the band of the bound it would hide that one
-        below = not has_bound or bool(np.max(half) > np.max(bound))
-        _band(ax, t, guess, half, *style.values(), PALE, zorder=0.9 if below else 1)
-        ax.plot(t, guess, linestyle=GAPS, marker=_dots(t), **style)
-    if out.error is not None:
-        ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
+        below = not of.bound_covers_all or bool(np.max(half) > np.max(bound))
+        _band(ax, t, y, half, *style.values(), PALE, zorder=0.9 if below else 1)
+        ax.plot(t, y, linestyle=GAPS, marker=dots, **style)
+    if of.error is not None:
+        ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=dots, label="truth")
     if limits is not None:
         ax.set_ylim(*limits)
-    shown = ["reduced model", *["bound"] * has_bound, *([] if best is None else [word])]
-    shown[-2:] = [" and ".join(shown[-2:])]
-    title = f"{out.row_names[row]}: {', '.join(shown)}{_said_of_bounds(report, out) * has_bound}"
-    notes = [infinite(t, bound, "", _axis(report))] if has_bound else []
-    ax.set(xlabel=_time(report), ylabel=quantity(out.row_names[row], out.unit))
-    finish(ax, title, notes)
+    *shown, last = ["reduced model", *["bound"] * of.bound_covers_all, *([what] if guess is not None else [])]
+    shown[-1:] = [" and ".join([*shown[-1:], last])]
+    title = f"{of.name}: {', '.join(shown)}{of.said_of_bounds * of.bound_covers_all}"
+    ax.set(xlabel=quantity(*of.axis), ylabel=quantity(of.name, of.unit))
+    finish(ax, title, [infinite(t, bound, "", of.axis)] if of.bound_covers_all else [])
 
 
 def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance: float | None = None) -> None:
@@ -102,37 +100,32 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     The estimate has a band, its half width to both sides. tolerance : in the output's unit, a line; None: what the
     report was made with. Other parameters, and errors, as in draw_signal.
     """
-    out, t = _row_of(report, name, row), report.t
-    drawn = _same_error(report, out, row)
-    tolerance = out.tolerance if tolerance is None else tolerance
-    error = None if drawn.error is None else _visible(np.abs(drawn.error), out.value[:, row])
-    size = None if drawn.estimate is None else np.abs(drawn.estimate)
-    bands = {} if size is None else {"half width": size + drawn.half}
-    others = [x for x in (size, error, None if tolerance is None else np.array([tolerance])) if x is not None]
-    limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
-    for place, e in enumerate(drawn.bounds):
-        kinds = zip((COLOURS, STYLES, MARKERS), OTHERS, strict=True)
-        color, line, marker = (known.get(e, other) for known, other in kinds)
-        style = {"linestyle": line, "marker": marker, "every": spread(len(t), place), "markersize": 5}
-        alone = not drawn.bounds.keys() - {e}
-        label = f"{_bound(out)}, {_most(out, drawn.bounds[e])}" if alone else f"bound '{e}'{_doubt(out)}"
-        log_line(ax, t, drawn.bounds[e], color=color, linewidth=WIDE, label=label, **style)
-    if drawn.estimate is not None:
-        label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
-        _estimate(ax, t, drawn, label, limits)
+    of = _Row(report, name, row)
+    kind, bounds, estimate, notes = of.same_error()
+    tolerance = of.out.tolerance if tolerance is None else tolerance
+    error = None if of.error is None else _visible(np.abs(of.error), of.value)
+    known = [] if estimate is None else [np.abs(estimate[0])]
+    known += [x for x in (error, None if tolerance is None else np.array([tolerance])) if x is not None]
+    bands = {} if estimate is None else {"half width": np.abs(estimate[0]) + estimate[1]}
+    limits = limits_of_errors({**bounds, **bands}, known, largest(of.value))
+    for place, (e, bound) in enumerate(bounds.items()):
+        colour, line, marker = look_of(e)
+        style = {"linestyle": line, "marker": marker, "every": spread(len(of.t), place), "markersize": 5}
+        label = f"bound '{e}'{of.doubt}" if len(bounds) > 1 else f"bound{of.doubt}, {of.most(bound)}"
+        log_line(ax, of.t, bound, color=colour, linewidth=WIDE, label=label, **style)
+    if estimate is not None:
+        _estimate(ax, of, *estimate, limits)
+    thin = {"linewidth": THIN, "marker": ".", "every": ()}
     if error is not None:
-        style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
-        log_line(ax, t, error, label="|true error|", **style)
-    if drawn.bounds and out.at_round_off()[row]:
-        style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
-        log_line(ax, t, out.round_off[:, row], label="rounding: nothing below is known", **style)
+        log_line(ax, of.t, error, label="|true error|", color=COLOURS["error"], **thin)
+    if bounds and of.out.at_round_off()[row]:
+        style = {"color": "#777777", "linestyle": ":", "label": "rounding: nothing below is known"}
+        log_line(ax, of.t, of.out.round_off[:, row], **style, **thin)
     if tolerance is not None:
         ax.axhline(tolerance, color=COLOURS["tolerance"], linestyle=(0, (8, 2, 2, 2)), label="tolerance")
-    said = _said_of_bounds(report, out) if drawn.bounds else ""
-    notes = [*_beyond(report, out, drawn, limits), *drawn.left_out]
-    ylabel = quantity(f"{drawn.kind} of {out.row_names[row]}", out.unit)
-    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", ylim=limits)
-    finish(ax, f"{out.row_names[row]}: {drawn.kind}{said}", notes)
+    ax.set(xlabel=quantity(*of.axis), ylabel=quantity(f"{kind} of {of.name}", of.unit), yscale="log", ylim=limits)
+    unseen = [*_unseen(of, bounds, limits), *notes]
+    finish(ax, f"{of.name}: {kind}{of.said_of_bounds if bounds else ''}", unseen)
 
 
 def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
@@ -141,13 +134,13 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     The legend has the shares at the worst instant, of causes that are not zero throughout. Where the bound is zero or
     infinite there are no shares. Parameters and errors as in draw_signal.
     """
-    out, t = _row_of(report, name, row), report.t
-    best, worst = out.bound["best"][:, row], int(np.argmax(out.bound["best"][:, row]))
+    of = _Row(report, name, row)
+    t, best, worst = of.t, of.best, int(np.argmax(of.best))
     known = (best > 0) & np.isfinite(best)
     below = np.zeros(len(t))
     for cause, (words, colour, hatch) in CAUSE_STYLES.items():
-        of_cause = out.causes.get(cause, np.zeros_like(out.bound["best"]))  # older files have fewer causes
-        share = np.divide(100 * of_cause[:, row], best, out=np.zeros(len(t)), where=known)
+        parts = of.out.causes.get(cause, np.zeros_like(of.out.bound["best"]))  # older files have fewer causes
+        share = np.divide(100 * parts[:, row], best, out=np.zeros(len(t)), where=known)
         if cause == "time step" and report.time == "sampled":
             label = f"{words}: not covered"
         elif not share.any():
@@ -158,12 +151,98 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         _fill(ax, t, below, below + share, known, **style)
         below = below + share
     mark_zeros(ax, t, best, COLOURS["value"])
-    worst_label = _worst(report, out, row, worst)
-    ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=worst_label)
-    title = f"{out.row_names[row]}: what the bound of the {_kind_of_bound(report)} comes from"
-    ax.set(xlabel=_time(report), ylabel="share of the bound / %", ylim=(0, 100))
+    (axis, unit), most = of.axis, with_unit(rounded_up(best[worst]), of.unit)
+    label = f"worst, {axis} = {t[worst]:.4g} {unit}".rstrip() + f": {most}"
+    ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=label)
+    ax.set(xlabel=quantity(*of.axis), ylabel="share of the bound / %", ylim=(0, 100))
     ax.margins(x=0.01)
-    finish(ax, f"{title}{_said_of_bounds(report, out)}", [infinite(t, best, "", _axis(report))])
+    title = f"{of.name}: what the bound of the {of.kind_of_bound} comes from{of.said_of_bounds}"
+    finish(ax, title, [infinite(t, best, "", of.axis)])
+
+
+class _Row:
+    """One row of an output: what is known of it over time (T,), and what of that is of the same error.
+
+    Only this is drawn together, for a bound of the modes is none of the steps.
+    """
+
+    def __init__(self, report: ReportData, name: str, row: int):
+        out = report.output(name)
+        check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
+        self.report, self.out, self.row = report, out, row
+        self.t, self.name, self.unit = report.t, out.row_names[row], out.unit
+        self.value, self.best = out.value[:, row], out.bound["best"][:, row]
+        self.error = None if out.error is None else out.error[:, row]
+        self.axis = ("load factor", "") if report.time == "static" else ("t", "s")
+        self.doubt = f", {NOT_CERTIFIED}" if out.uncertified else ""
+        self.kind_of_bound = OF_MODES if report.time == "sampled" else WHOLE
+        said = under(report.scope, doubts=out.uncertified).removeprefix(", ")
+        self.said_of_bounds = said and f" (bound {said})"  # in titles
+        covered, of_bound = estimate_scope(out, report.scope), widest_scope(report.scope)
+        self._has_same_scope = covered == of_bound
+        # an estimate of all that the bound is of, or of more
+        self._has_estimate = out.estimate is not None and SCOPES.index(covered) <= SCOPES.index(of_bound)
+
+    def most(self, bound: np.ndarray) -> str:
+        """How large a bound gets, in the unit of the axis."""
+        return largest_in_words(bound, "", "up to" if self.out.uncertified else "at most")
+
+    @cached_property
+    def bounds(self) -> dict[str, np.ndarray]:
+        """By estimator, of those that cover most."""
+        return {e: self.out.bound[e][:, self.row] for e in widest(self.report.scope) if e in self.out.bound}
+
+    def colour_of_best(self) -> str:
+        """That of the sharpest of the bounds that the best one is made of."""
+        of = self.bounds
+        return look_of(min(of, key=lambda e: (np.count_nonzero(np.isinf(of[e])), largest_finite(of[e]))))[0]
+
+    @cached_property
+    def bound_covers_all(self) -> bool:
+        """Whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
+        has_steps_alone = self.report.time == "sampled" and covers_time(self.out, self.report.time)
+        return not self._has_estimate or (self._has_same_scope and not has_steps_alone)
+
+    def best_guess(self) -> tuple[str, np.ndarray, np.ndarray, str] | None:
+        """What it is, best guess of the full model's output, half width, label; where proved the corrected output."""
+        out, row = self.out, self.row
+        if self._has_estimate and set(out.uncertainty_parts) != {"proved"}:
+            estimate, half = out.estimate[:, row], out.uncertainty[:, row]
+            return "estimate", self.value + estimate, half, f"+ estimate{self.within(estimate, half)}"
+        if out.corrected is None:
+            return None
+        half = out.corrected_bound[:, row]
+        return "corrected output", out.corrected[:, row], half, f"corrected{_within(half)}{self.doubt}"
+
+    def within(self, estimate: np.ndarray, half: np.ndarray) -> str:
+        """For a legend: whether an estimate is a number to rely on, and its half width."""
+        is_resolved = largest(half) <= max(RESOLVED * largest(estimate), largest(self.value))
+        return f"{'' if is_resolved else ' (not resolved)'}{_within(half)}"
+
+    def same_error(self) -> tuple[str, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray] | None, tuple[str, ...]]:
+        """What is drawn together: kind of error, bounds, estimate with its half width or None, what is left out.
+
+        Of the modes where the bound is of these alone; of the whole error where a truth was compared that has other
+        steps, where the bound takes forces as they are, or where no bound is finite.
+        """
+        out, row, time, scope = self.out, self.row, self.report.time, self.report.scope
+        others = (e for e in scope if e not in widest(scope))
+        narrower = tuple(f"'{e}'{under(scope, e)}: not drawn" for e in others)
+        if not self._has_estimate:
+            return self.kind_of_bound, self.bounds, None, narrower
+        whole = out.estimate[:, row], out.uncertainty[:, row]
+        if self.bound_covers_all:
+            return WHOLE if covers_time(out, time) else self.kind_of_bound, self.bounds, whole, narrower
+        if not any(np.isfinite(bound).any() for bound in self.bounds.values()):
+            return WHOLE, {}, whole, ("no finite bound",)
+        modes = out.estimate - out.estimate_parts.get("time step", 0.0)
+        halves = [x for check, x in out.uncertainty_parts.items() if check not in BY_STEPS]
+        modes, half = modes[:, row], (np.zeros_like(out.value) + sum(halves))[:, row]
+        is_of_modes = self.error is None or largest(self.error - modes) < largest(self.error - whole[0])
+        if self._has_same_scope and is_of_modes:
+            return OF_MODES, self.bounds, (modes, half), narrower
+        why = "of the modes alone" if self._has_same_scope else under(scope).removeprefix(", ")
+        return WHOLE, {}, whole, (f"bound {why}{self.doubt}: not drawn",)
 
 
 def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -171,84 +250,29 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
 
 
-def _corrected(report: ReportData, out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
-    """Best guess of the full model's output, half width, name, label; where it is proved the corrected output."""
-    if _has_estimate(report, out) and _is_estimated(out):
-        value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
-        return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
-    if out.corrected is None:
-        return None
-    half = out.corrected_bound[:, row]
-    return out.corrected[:, row], half, "corrected output", f"corrected{_within(half)}{_doubt(out)}"
-
-
-def _is_estimated(out: OutputReport) -> bool:
-    """Whether there is an estimate that no proof stands behind."""
-    return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
-
-
-def _estimate(ax: Any, t: np.ndarray, drawn: SameError, label: str, limits: tuple | None) -> None:
+def _estimate(ax: Any, of: _Row, estimate: np.ndarray, half: np.ndarray, limits: tuple | None) -> None:
     """|estimate| as a dashed line in a band, which leaves the axis where it goes to zero: a logarithm has none."""
-    size, half = np.abs(drawn.estimate), drawn.half
+    size, label = np.abs(estimate), f"|estimate|{of.within(estimate, half)}"
     style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
     is_known = np.isfinite(half) & (size + half > 0)
     if is_known.any():
         low, high = (np.where(is_known, x, 1.0) for x in (np.maximum(size - half, limits[0] / 2), size + half))
-        _fill(ax, t, low, high, is_known, label=label, **_look(COLOURS["estimate"], PALE))
-    log_line(ax, t, size, label=label, zorder=2.5, **style)  # above the other lines
+        _fill(ax, of.t, low, high, is_known, label=label, **_look(COLOURS["estimate"], PALE))
+    log_line(ax, of.t, size, label=label, zorder=2.5, **style)  # above the other lines
 
 
-def _beyond(report: ReportData, out: OutputReport, drawn: SameError, limits: tuple | None) -> Iterator[str]:
-    """What is not to be seen of the bounds."""
-    for e, bound in drawn.bounds.items():
-        by = f" by '{e}'" if drawn.bounds.keys() - {e} else ""
-        yield infinite(report.t, bound, by, _axis(report))
-        leaves = above(limits, bound, out.unit)
-        yield leaves and f"{_bound(out)}{by} {leaves}"
-
-
-def _bound(out: OutputReport) -> str:
-    return f"bound{_doubt(out)}"
-
-
-def _most(out: OutputReport, bound: np.ndarray) -> str:
-    """How large a bound gets, in the unit of the axis."""
-    return largest_in_words(bound, "", "up to" if out.uncertified else "at most")
+def _unseen(of: _Row, bounds: dict[str, np.ndarray], limits: tuple | None) -> Iterator[str]:
+    """What is not to be seen of the bounds: where they are infinite, and how large those above the axis get."""
+    for e, bound in bounds.items():
+        by = f" by '{e}'" if len(bounds) > 1 else ""
+        yield infinite(of.t, bound, by, of.axis)
+        if limits is not None and largest_finite(bound) > limits[1]:
+            yield f"bound{of.doubt}{by} above the axis, {largest_in_words(bound, of.unit, 'up to')}"
 
 
 def _within(half: np.ndarray) -> str:
     """For a legend: the largest half width, in the unit of the axis."""
     return f" {largest_in_words(half, '', '±')}" if np.isfinite(half).any() else ", half width not known"
-
-
-def _colour(report: ReportData, out: OutputReport, row: int) -> str:
-    """That of the sharpest of the bounds that the best one is made of."""
-    bounds = _same_error(report, out, row).bounds
-    sharpest = min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest_finite(bounds[e])))
-    return COLOURS.get(sharpest, OTHERS[0])
-
-
-def _not_resolved(*row: np.ndarray) -> str:
-    """For a legend: that an estimate, of this half width, of this value, is no number to rely on."""
-    size, half, value = (float(np.max(np.abs(x))) for x in row)
-    return " (not resolved)" if half > max(RESOLVED * size, value) else ""
-
-
-def _doubt(out: OutputReport) -> str:
-    """What is said of bounds beside what they are of."""
-    return f", {NOT_CERTIFIED}" if out.uncertified else ""
-
-
-def _said_of_bounds(report: ReportData, out: OutputReport) -> str:
-    """What a title says of bounds: what they hold under, and that they are not certified."""
-    said = under(report.scope, doubts=out.uncertified).removeprefix(", ")
-    return said and f" (bound {said})"
-
-
-def _row_of(report: ReportData, name: str, row: int) -> OutputReport:
-    out = report.output(name)
-    check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
-    return out
 
 
 def _band(
@@ -277,108 +301,7 @@ def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.n
         ax.vlines(t[alone], low[alone], high[alone], linewidth=BAR, **opaque)
 
 
-def _dots(t: np.ndarray) -> str | None:
-    """A single instant has no line."""
-    return "o" if len(t) == 1 else None
-
-
-def _axis(report: ReportData) -> tuple[str, str]:
-    """Name and unit of what everything is drawn over."""
-    return ("load factor", "") if report.time == "static" else ("t", "s")
-
-
-def _time(report: ReportData) -> str:
-    return quantity(*_axis(report))
-
-
 def _percent(share: float) -> str:
     if 0 < share < 0.5:
         return "< 1 %"
     return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
-
-
-def _worst(report: ReportData, out: OutputReport, row: int, at: int) -> str:
-    name, unit = _axis(report)
-    bound = with_unit(rounded_up(out.bound["best"][at, row]), out.unit)
-    return f"worst, {name} = {report.t[at]:.4g} {unit}".rstrip() + f": {bound}"
-
-
-# --- what covers the same: that alone is drawn together, for a bound of the modes is none of the steps ---
-
-WHOLE, OF_MODES = "error", "error of the modes"
-
-
-class SameError(NamedTuple):
-    """Of one row what is of the same error: `kind`; what is None is not known of it, or not drawn.
-
-    bounds : (T,) by estimator, of those that cover most. estimate, error : (T,), signed. half : of the estimate.
-    left_out : what is not drawn beside these, in words.
-    """
-
-    kind: str
-    bounds: dict[str, np.ndarray]
-    estimate: np.ndarray | None
-    half: np.ndarray | None
-    error: np.ndarray | None
-    left_out: tuple[str, ...] = ()
-
-
-def _kind_of_bound(report: ReportData) -> str:
-    """Return what the bounds bound."""
-    return OF_MODES if report.time == "sampled" else WHOLE
-
-
-def _has_estimate(report: ReportData, out: OutputReport) -> bool:
-    """Return whether there is an estimate of all that the bound is of, or of more."""
-    if out.estimate is None:
-        return False
-    return SCOPES.index(estimate_scope(out, report.scope)) <= SCOPES.index(widest_scope(report.scope))
-
-
-def _bound_covers(report: ReportData, out: OutputReport) -> bool:
-    """Return whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
-    if not _has_estimate(report, out):
-        return True
-    has_steps_alone = report.time == "sampled" and covers_time(out, report.time)
-    return _same_scope(report, out) and not has_steps_alone
-
-
-def _same_error(report: ReportData, out: OutputReport, row: int) -> SameError:
-    """Return what is drawn together of a row: of the modes where the bound is of these alone.
-
-    Of the whole error where a truth was compared that has other steps, where the bound takes forces as they are, or
-    where no bound is finite.
-    """
-    bounds = {e: out.bound[e][:, row] for e in widest(report.scope) if e in out.bound}
-    error = None if out.error is None else out.error[:, row]
-    if not _has_estimate(report, out):
-        return SameError(_kind_of_bound(report), bounds, None, None, error, _narrower(report))
-    whole, half = out.estimate[:, row], out.uncertainty[:, row]
-    if _bound_covers(report, out):
-        kind = WHOLE if covers_time(out, report.time) else _kind_of_bound(report)
-        return SameError(kind, bounds, whole, half, error, _narrower(report))
-    if not any(np.isfinite(bound).any() for bound in bounds.values()):
-        return SameError(WHOLE, {}, whole, half, error, ("no finite bound",))
-    modes, half_of_modes = _of_modes(out, row)
-    if _same_scope(report, out) and (error is None or largest(error - modes) < largest(error - whole)):
-        return SameError(OF_MODES, bounds, modes, half_of_modes, error, _narrower(report))
-    why = "of the modes alone" if _same_scope(report, out) else under(report.scope).removeprefix(", ")
-    doubt = f", {NOT_CERTIFIED}" if out.uncertified else ""
-    return SameError(WHOLE, {}, whole, half, error, (f"bound {why}{doubt}: not drawn",))
-
-
-def _same_scope(report: ReportData, out: OutputReport) -> bool:
-    return estimate_scope(out, report.scope) == widest_scope(report.scope)
-
-
-def _narrower(report: ReportData) -> tuple[str, ...]:
-    """Estimators whose bounds cover less than those of others."""
-    names = [e for e in report.scope if e not in widest(report.scope)]
-    return tuple(f"'{e}'{under(report.scope, e)}: not drawn" for e in names)
-
-
-def _of_modes(out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate and half width of a row without time steps."""
-    steps = out.estimate_parts.get("time step", np.zeros_like(out.estimate))
-    halves = [x[:, row] for check, x in out.uncertainty_parts.items() if check not in BY_STEPS]
-    return out.estimate[:, row] - steps[:, row], np.zeros(len(out.value)) + sum(halves)

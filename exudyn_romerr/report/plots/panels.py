@@ -14,7 +14,7 @@ from ..data import is_beside
 from ..report_rows import limit_of
 from ..wording import for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
-from .style import LETTER, LETTERS, SIZE, new_figure, of_one_size, put_legend, save
+from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save
 
 if TYPE_CHECKING:
     from ..answers import Tolerances
@@ -59,25 +59,20 @@ def plot_report(
             limit = limit_of(report.output(name), tolerances)
             draw_bounds(ax, report, name, i, limit.size if limit.is_asked else None)
             signal.sharex(ax)
-    _frame(figure, _question(report), _notes(report, rows, _note(left_out, "smaller bounds or estimates")))
-    return _saved(figure, path)
+    return _framed(figure, report, _question(report), rows, _note(left_out, "smaller bounds or estimates"), path)
 
 
 @of_one_size
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
-    rows, left_out = _chosen(report, (_bounded(report) or list(report.outputs)) if outputs is None else outputs)
+    bounded = [name for name, out in report.outputs.items() if np.isfinite(out.bound["best"]).any()]
+    rows, left_out = _chosen(report, (bounded or list(report.outputs)) if outputs is None else outputs)
     figure, panels = _panels(len(rows), 1)
     for (name, i), (ax,) in zip(rows, panels, strict=True):
         draw_causes(ax, report, name, i)
     script = _script(report)
     title = f"{script}{'w' if script else 'W'}hat do the bounds come from?"
-    _frame(figure, title, _notes(report, rows, _note(left_out, "smaller bounds")))
-    return _saved(figure, path)
-
-
-def _bounded(report: ReportData) -> list[str]:
-    return [name for name, out in report.outputs.items() if np.isfinite(out.bound["best"]).any()]
+    return _framed(figure, report, title, rows, _note(left_out, "smaller bounds"), path)
 
 
 def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[str, int]], list[str]]:
@@ -87,13 +82,24 @@ def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[st
     if not rows:
         raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
     kept = rows if len(names) == 1 else [(name, _worst_row(report.output(name))) for name in names]
+    worst = worst_first(report, kept)[:PANELS]
+    left_out = [report.outputs[name].row_names[i] for name, i in rows if (name, i) not in worst]
+    return [row for row in kept if row in worst], left_out
 
-    def rank(row: tuple[str, int]) -> tuple:
-        return not is_beside(report, row[0]), _for_its_size(report.output(row[0]), row[1])
 
-    largest = sorted(kept, key=rank, reverse=True)[:PANELS]
-    kept = [row for row in kept if row in largest]
-    return kept, [report.output(name).row_names[i] for name, i in rows if (name, i) not in kept]
+def worst_first(report: ReportData, rows: list[tuple[str, int]]) -> list[tuple[str, int]]:
+    """Return rows of outputs by their error over the output's largest value.
+
+    Behind these what is at round-off, which says nothing, and last what nobody asked for.
+    """
+
+    def rank(row: tuple[str, int]) -> tuple[bool, bool, float]:
+        out = report.outputs[row[0]]
+        error, largest = _error(out, row[1]), np.max(np.abs(out.value))
+        size = error / largest if largest > 0 else error
+        return not is_beside(report, out.name), not out.at_round_off()[row[1]], size
+
+    return sorted(rows, key=rank, reverse=True)
 
 
 def _worst_row(out: OutputReport) -> int:
@@ -109,12 +115,6 @@ def _error(out: OutputReport, row: int) -> float:
     return float(max(size, bound) if np.isfinite(bound) or out.estimate is None else size)
 
 
-def _for_its_size(out: OutputReport, row: int) -> tuple[bool, float]:
-    """The error of a row over the output's largest value; what is at round-off, which says nothing, last."""
-    error, largest = _error(out, row), np.max(np.abs(out.value))
-    return not out.at_round_off()[row], error / largest if largest > 0 else error
-
-
 def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
     """Return a figure of at most one screen, without an empty place, and axes (count, high), one panel a row."""
     columns = 2 - count % 2 if high == 1 else min(count, 2)
@@ -126,16 +126,32 @@ def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
     return figure, axes if count > columns else axes.T  # three signals have their errors beside them
 
 
-def _frame(figure: Any, title: str, notes: str) -> None:
-    """Title above, notes below all panels; times at the lowest of those above one another alone."""
-    figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
-    if notes:
-        width = int(NOTE * figure.get_figwidth())
-        figure.supxlabel("\n".join(fill(line, width) for line in notes.split("\n")), fontsize="small")
+def _framed(
+    figure: Any,
+    report: ReportData,
+    title: str,
+    rows: list[tuple[str, int]],
+    left_out: str,
+    path: str | os.PathLike | None,
+) -> Any:
+    """Title above, notes below all panels; times at the lowest of those above one another alone. Save it to path.
+
+    The notes: what bounds leave out, why they are not certified, what is not drawn.
+    """
+    put_title(figure, title)
+    doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.outputs[name].uncertified)
+    condition = for_run_alone(report.scope)
+    notes = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}", left_out]
+    width = int(NOTE * figure.get_figwidth())
+    if any(notes):
+        figure.supxlabel("\n".join(fill(note, width) for note in notes if note), fontsize="small")
     for ax in figure.axes:
         if not ax.get_subplotspec().is_last_row():
             ax.set_xlabel("")
             put_legend(ax)
+    if path is not None:
+        save(figure, path)
+    return figure
 
 
 def _script(report: ReportData) -> str:
@@ -154,14 +170,6 @@ def _question(report: ReportData) -> str:
     return f"{_script(report)}how wrong are {modes}{steps}?"
 
 
-def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str) -> str:
-    """What is said below all panels: what bounds leave out, why they are not certified, what is not drawn."""
-    doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.output(name).uncertified)
-    condition = for_run_alone(report.scope)
-    said = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}"]
-    return "\n".join(filter(None, [*said, left_out]))
-
-
 def _note(left_out: list[str], smaller: str) -> str:
     if not left_out:
         return ""
@@ -169,9 +177,3 @@ def _note(left_out: list[str], smaller: str) -> str:
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
     why = f"{smaller} for their size, none, or not asked for"
     return f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses"
-
-
-def _saved(figure: Any, path: str | os.PathLike | None) -> Any:
-    if path is not None:
-        save(figure, path)
-    return figure

@@ -29,8 +29,6 @@ LOOKS = {  # of estimators: colour, line, marker
 }
 COLOURS = {"value": "#000000", "error": "#D55E00", "estimate": "#5D3A9B", "tolerance": "#444444"}
 COLOURS |= {e: colour for e, (colour, _, _) in LOOKS.items()}
-STYLES = {e: line for e, (_, line, _) in LOOKS.items()}
-MARKERS = {e: marker for e, (_, _, marker) in LOOKS.items()}
 OTHERS = "#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"  # of estimators that only files of earlier versions have
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
@@ -57,6 +55,11 @@ MARGIN = 0.1  # of what is shown, on both sides
 USELESS = 1e3  # times output, estimate and error: three decades are read with ease, a larger bound tells nothing
 DEEP = 1e-4  # of the lowest curve's largest value: what is lower, at first instants say, is not worth an axis
 ZERO = "zero"  # marked at the lower edge of a logarithmic axis
+
+
+def look_of(e: str) -> tuple[str, Any, str]:
+    """Return colour, line and marker of an estimator."""
+    return LOOKS.get(e, OTHERS)
 
 
 def of_one_size(make: Callable) -> Callable:
@@ -167,6 +170,11 @@ def finish(ax: Any, title: str, notes: Iterable[str] = ()) -> None:
     put_legend(ax)
 
 
+def put_title(figure: Any, title: str) -> None:
+    """Put a title above all axes, in as many lines as it needs."""
+    figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
+
+
 def put_legend(ax: Any) -> None:
     """Put a legend of LINES lines below the axes and their labels; what has the same label is one entry."""
     from matplotlib.transforms import ScaledTranslation
@@ -246,12 +254,6 @@ def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
     finite = bound[np.isfinite(bound)]
     largest = f"{words} {with_unit(rounded_up(np.max(finite), 2), unit)}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"
-
-
-def above(limits: tuple | None, x: np.ndarray, unit: str) -> str:
-    """Return how large what leaves the axes at their upper edge gets; empty: it does not."""
-    leaves = limits is not None and largest_finite(x) > limits[1]
-    return f"above the axis, {largest_in_words(x, unit, 'up to')}" if leaves else ""
 
 
 def infinite(t: np.ndarray, bound: np.ndarray, by: str, axis: tuple[str, str]) -> str:

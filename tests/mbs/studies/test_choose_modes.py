@@ -11,7 +11,7 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.studies.two_level import Trial, build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
-from exudyn_romerr.mode_selection.tried_run import BASIS, INTERFACES, STEP
+from exudyn_romerr.mode_selection.mode_choice import BASIS, INTERFACES, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
 from tests.helpers.observed import attached
