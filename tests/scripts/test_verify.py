@@ -143,8 +143,10 @@ def test_the_whole_is_that_of_the_full_body_at_short_steps(bar):
     base, fine, finer = shown(N, "RBE2", H, 1), shown(0, "complete", H / 8, 8), shown(0, "complete", H / 16, 16)
     for j in range(3):
         error = np.abs(finer[j] + (finer[j] - fine[j]) / 3 - base[j]).max(axis=0)
-        for row in (row for row in bar.judgement.rows if row.name == f"sensor{j}"):
-            assert abs(row.of["sum"].size - error[row.component]) <= row.of["sum"].half_width
+        rows = (row for row in bar.judgement.rows if row.name == f"sensor{j}")
+        known = [row for row in rows if row.of["sum"].half_width is not None]  # a step that is not resolved has none
+        assert known
+        assert all(abs(row.of["sum"].size - error[row.component]) <= row.of["sum"].half_width for row in known)
 
 
 def test_causes_are_told_apart_and_estimates_stand_beside(bar):
