@@ -56,8 +56,9 @@ class MissedForces:
         missed = self._missed(block, rows, e, lam)
         share, counts = self._shares(block, rows, e, missed).max(), FOR_BOUNDS if self._for_bounds else COUNTS
         if self.end is not None or counts < share < MUCH:
-            every = np.arange(int(first == 0) if share < MUCH else len(block), len(block))  # not how a run begins
-            kicks[every], g[every] = self._missed(block, every, e, lam)
+            if share < MUCH:
+                every = np.arange(int(first == 0), len(block))  # how a run begins is not theirs to say
+                kicks[every], g[every] = self._missed(block, every, e, lam)
             if first and self.end is None:
                 self._added.state = State.at_rest(self._of.unknowns)
             added = self._added.through(block, factors, kicks[..., None], of_constraints=g[..., None])

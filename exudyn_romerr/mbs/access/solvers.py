@@ -48,7 +48,7 @@ def on_purpose(solver: Any) -> EndedBy:
 
 def note_end(report: BoundReport, ending: EndedBy) -> None:
     """Let a report of a run that ended early, and those of its bodies, say by what."""
-    for one in (report, *getattr(report, "bodies", ())) if ending.why else ():
+    for one in (report, *report.bodies) if ending.why else ():
         if one.planned_end is not None or one.time == "static":
             one.ended_by, one.on_purpose = ending
 
