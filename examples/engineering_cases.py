@@ -50,7 +50,7 @@ CASES = {
 }
 
 
-def main(case, n, steps):
+def main(case="crank", n=0, steps=240):
     """Solve a case, print what its sensors show at the end."""
     scene, shown = CASES[case](int(n), int(steps))
     for name, number in scene.sensors.items():
