@@ -5,6 +5,7 @@ sets the torque of the motor at the begin of every step, as in most of Exudyn's 
 
     romerr run examples/robot_prestep.py
     romerr verify examples/robot_prestep.py
+    romerr run examples/robot_prestep.py 4          # with steps of 1 ms / 4
 """
 
 import sys
@@ -30,6 +31,7 @@ from models import floating
 END, MOVE, TURN = 0.4, 0.3, pi / 3  # s of the run and of the motion, rad
 P, D = 4000.0, 60.0  # Nm/rad, Nms/rad
 INERTIA = 0.9  # kg m^2 about the hub, of all that turns: for the feed forward
+FINER = int(sys.argv[1]) if len(sys.argv) > 1 else 1
 
 
 def set_point(t):
@@ -91,7 +93,7 @@ def main():
     mbs.Assemble()
     simulationSettings = exu.SimulationSettings()
     simulationSettings.timeIntegration.endTime = END
-    simulationSettings.timeIntegration.numberOfSteps = round(END / 1e-3)
+    simulationSettings.timeIntegration.numberOfSteps = round(END / 1e-3) * FINER
     simulationSettings.timeIntegration.verboseMode = 0
     simulationSettings.solution.file.write = False
     mbs.SolveDynamic(simulationSettings)

@@ -32,6 +32,7 @@ SLOWER = {  # file -> tests that take seconds, and what is tried without them
     },
     "docs_and_examples/test_exudyn_examples.py": {"test_a_run_that_we_change_is_found_out"},
     "docs_and_examples/test_scripts.py": {  # test_verify.py; docs/verify.md
+        "test_gallery_shows_what_is_printed",
         "test_a_robots_step_is_wrong_and_not_its_modes",
         "test_interfaces_are_what_a_run_with_free_ones_shows",
     },

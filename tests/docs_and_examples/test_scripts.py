@@ -1,4 +1,4 @@
-"""Plain scripts of examples/, without a line of ours, and what the README shows of them."""
+"""Plain scripts of examples/, without a line of ours, and what README and docs show of them."""
 
 import re
 import subprocess
@@ -12,7 +12,14 @@ import exudyn_romerr as romerr
 from tests.helpers.pages import assert_printed
 
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+SHOWN = {  # a page -> [script, its arguments, what is printed, in part]
+    name: re.findall(
+        r"```bash\nromerr run --tolerance 1% (\S+)([^\n]*)\n```\n\n```text\n(.*?)\n```",
+        (ROOT / name).read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+    for name in ("README.md", "docs/fe_input.md", "docs/gallery.md")
+}
 ARM = "examples/hinged_arm.py"
 
 
@@ -21,9 +28,24 @@ def arm():
     return romerr.run(ROOT / ARM, tolerance="1%")
 
 
-def test_readme_shows_what_is_printed(arm):
-    (shown,) = re.findall(r"<!-- hinged arm -->\n```text\n(.*?)\n```", README, re.DOTALL)
-    assert_printed([line for line in shown.split("\n") if line], str(arm))
+def assert_shows(shown, run):
+    assert_printed([line for line in shown.split("\n") if line], str(run))
+
+
+def test_page_on_interfaces_shows_what_is_printed(arm):
+    ((script, _, shown),) = SHOWN["docs/fe_input.md"]
+    assert script == ARM
+    assert_shows(shown, arm)
+
+
+def test_readme_shows_what_is_printed():
+    ((script, arguments, shown),) = SHOWN["README.md"]
+    assert_shows(shown, romerr.run(ROOT / script, arguments.split(), tolerance="1%"))
+
+
+@pytest.mark.parametrize(("script", "arguments", "shown"), SHOWN["docs/gallery.md"])
+def test_gallery_shows_what_is_printed(script, arguments, shown):
+    assert_shows(shown, romerr.run(ROOT / script, arguments.split(), tolerance="1%"))
 
 
 RBE2 = re.compile(r"fem\.ComputeHurtyCraigBamptonModes\(.*?\n    \)\n", re.DOTALL)
