@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import tempfile
 from contextlib import ExitStack
@@ -45,6 +46,7 @@ class Run(Judged):
     solves : what was found of each solve that moved reduced bodies
     notes : lines about what was not watched, and why
     tolerances : as asked for
+    arguments : of the script
     """
 
     script: str
@@ -52,6 +54,7 @@ class Run(Judged):
     solves: list[Solve]
     notes: list[str]
     tolerances: Tolerances
+    arguments: Sequence[str] = ()
 
     @property
     def reports(self) -> list[BoundReport]:
@@ -92,7 +95,8 @@ class Run(Judged):
     def __str__(self) -> str:
         from ..report.judgement import text
 
-        return "\n".join([*self.misspelt, text(self.judgement, self.script, MEASURE)])
+        again = shlex.join([self.script, *map(str, self.arguments)])
+        return "\n".join([*self.misspelt, text(self.judgement, again, MEASURE)])
 
 
 def run(
@@ -138,7 +142,7 @@ def run(
             _name_units(solve, units)
         error = f"{type(ending.error).__name__}: {ending.error}"
         notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
-        return Run(path, ending, watching.solves, notes, tolerances)
+        return Run(path, ending, watching.solves, notes, tolerances, arguments)
 
 
 def _name_units(solve: Solve, units: str) -> None:

@@ -239,13 +239,13 @@ def test_what_is_refused_says_why_and_what_to_type(tmp_path, monkeypatch, capsys
     """A body whose FE model is gone; the script runs to its end."""
     monkeypatch.setattr(found_bodies, "fem_of", lambda item: None)
     text = SCENE + SOLVE + "print('the end')\n"
-    run = romerr.run(written(tmp_path, text))
+    run = romerr.run(written(tmp_path, text), ["two words", 3])
     assert run.ending.status == 0
     assert {row["sum"]["how"] for row in run.rows} == {"not covered"}
     assert len(run.rows) == 3
     assert capsys.readouterr().out == "the end\n"
     assert "no FEMinterface" in str(run)
-    assert "romerr verify" in str(run)
+    assert f"romerr verify {run.script} 'two words' 3 measures it" in str(run)
 
 
 @pytest.mark.parametrize(
