@@ -12,6 +12,7 @@ from exudyn import itemInterface
 from exudyn.FEM import FEMinterface, KirchhoffMaterial
 
 import exudyn_romerr as romerr
+from benchmarks.by_run import told_by_run
 from examples import stress_bound
 from exudyn_romerr.model import solid_elements as solid
 from models import floating, mechanisms, solid_bar
@@ -183,6 +184,9 @@ def test_values_in_a_run_are_those_of_a_sensor(monkeypatch):
     measured, report = scene.mbs.GetSensorStoredData(number)[:, 1:], monitor.report()
     size = np.abs(measured).max()
     np.testing.assert_allclose(report.output("s").value, measured, atol=1e-10 * size)
+    _, told = told_by_run(scene.mbs, [flex], scene.solve)
+    assert any("romerr.node_stress" in why for _, why in told.plan.left_out)
+    assert len(told.outputs) >= 2  # others are told
     np.testing.assert_allclose(report.output("xz").value[:, 0], measured[:, 4], atol=1e-10 * size)
     assert (report.output("s").unit, report.output("s").quantity) == ("", "stress")
 

@@ -37,6 +37,7 @@ STILL = "it does not depend on the motion"
 IS_SET = "it shows what the PreStep function sets by what it sees"
 NOT_FINITE = "it is not finite"
 SEVERAL = "in global axes one place is told, a node or the mean of several with weights of sum 1"
+OF_ELEMENTS = "Exudyn makes it of elements of the mesh; romerr.node_stress and node_strain are told, by attach"
 NO_FUNCTION = "its object has a user function, which is not called away from the run"
 
 
@@ -329,4 +330,6 @@ def _why_not(mbs: Any, item: dict[str, Any]) -> str:
         on = mbs.GetObject(int(item["objectNumber"]))
         if any(key.endswith("UserFunction") and value for key, value in on.items()):
             return NO_FUNCTION
+    if kind == "SuperElement" and _kind(item).startswith(("Stress", "Strain")):
+        return OF_ELEMENTS
     return ""
