@@ -224,7 +224,7 @@ def _run(given: argparse.Namespace) -> int:
 def _features(done: Run) -> list[str]:
     """Lines of peaks, RMS and values at the end of all sensors in all solves that have a report."""
     from .report.derived import features_table
-    from .report.table import aligned
+    from .report.verdict_text import aligned
 
     return ["", *aligned(features_table(done.reports))] if done.reports else []
 

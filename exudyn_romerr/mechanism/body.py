@@ -25,7 +25,7 @@ from .rotations import (
     times,
     times_transposed,
 )
-from .samples import Rows, Samples
+from .rows import Rows, Samples
 
 UNIT_TURNS = skew(np.eye(3))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from .outputs import Outputs
 from .readings import Readings
-from .samples import Rows
+from .rows import Rows
 from .scheme import Scheme
 from .unknowns import Unknowns
 

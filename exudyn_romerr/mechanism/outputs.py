@@ -15,7 +15,7 @@ import numpy as np
 
 from .body import Body
 from .rotations import along_screw, body_rates, cross, rotation_matrix, times
-from .samples import Rows
+from .rows import Rows
 from .unknowns import Unknowns
 
 WITHIN, MOST = 2e-3, 65  # of the largest entry of a sensor; rows that are looked at

@@ -11,9 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from .reading import Reading
-from .samples import Rows
-from .splined import Splined, turning_rows
+from .rows import Rows
+from .splined import Reading, Splined, turning_rows
 from .unknowns import TurningNode
 
 FIRST = 9  # readings at first

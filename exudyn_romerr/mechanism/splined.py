@@ -13,9 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.interpolate import CubicSpline
 
-from .reading import Reading
 from .rotations import rotation_matrix, times_transposed
-from .samples import Rows
+from .rows import Rows
 from .unknowns import TurningNode
 
 CONSTANT = 1e-11  # of the largest of alike entries: one that varies by less does not
@@ -23,6 +22,28 @@ STEADIER = 0.1  # times what rows vary in other axes: those in which they vary l
 PARTS = ("M", "D", "K", "G", "C")
 OF_CONSTRAINTS = ("G", "C")
 SAMPLED = ("by coordinates", "by rates")  # parts of Reading.sampled
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Of all but floating bodies, in axes of bodies, at one row.
+
+    M, D, K (n_a, n_a) : K without forces of constraints. G, C (c, n_a) of independent constraints: forces G^T lam,
+    what is kept zero C z. H (n_a, n_a, all) : change of the forces of constraints, for each multiplier. sampled :
+    empty, or (n_a, n_a) twice, what coordinates and rates at the begin of the step make of forces at its end.
+    """
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    H: np.ndarray
+    sampled: tuple[np.ndarray, ...] = ()
+
+    def stiffness(self, multipliers: np.ndarray) -> np.ndarray:
+        """K with what turning constraints add to it."""
+        return self.K + self.H @ multipliers if multipliers.size else self.K
 
 
 @dataclass(frozen=True)

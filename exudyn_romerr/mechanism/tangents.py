@@ -9,7 +9,7 @@ import numpy as np
 from ..compiled.loops import loops
 from .body import Coupling, Motion
 from .rotations import times
-from .samples import Rows, Samples
+from .rows import Rows, Samples
 from .splined import Splined
 from .unknowns import Unknowns
 

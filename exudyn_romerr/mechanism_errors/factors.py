@@ -9,7 +9,7 @@ import numpy as np
 
 from ..compiled.loops import loops
 from ..mechanism.rotations import global_rates, parameter_rates
-from ..mechanism.samples import Rows, Samples
+from ..mechanism.rows import Rows, Samples
 from ..mechanism.scheme import Scheme
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns

@@ -14,7 +14,7 @@ import scipy.linalg as la
 
 from ..compiled.loops import loops
 from ..mechanism.rotations import times
-from ..mechanism.samples import Rows
+from ..mechanism.rows import Rows
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mechanism.mechanism import OtherEquations
 from ..mechanism.rotations import times, times_transposed
-from ..mechanism.samples import Rows
+from ..mechanism.rows import Rows
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, cubics
 

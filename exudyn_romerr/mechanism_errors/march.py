@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled.loops import loops
-from ..mechanism.samples import Rows
+from ..mechanism.rows import Rows
 from ..mechanism.scheme import Scheme
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns

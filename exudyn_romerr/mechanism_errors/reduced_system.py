@@ -7,7 +7,7 @@ from math import factorial
 
 import numpy as np
 
-from ..mechanism.samples import Samples
+from ..mechanism.rows import Samples
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from .factors import bordered_inverses

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from ..mechanism.body import Body
     from ..mechanism.mechanism import Mechanism
-    from ..mechanism.samples import Rows
+    from ..mechanism.rows import Rows
     from ..mechanism_errors.half_widths import CauseEstimate
     from ..mechanism_errors.modes import Marched
 

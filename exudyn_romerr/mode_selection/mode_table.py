@@ -19,7 +19,7 @@ import scipy.linalg as la
 
 from ..report.formats.atomic_write import write_whole
 from ..report.formats.html_page import document, html_table, paragraph
-from ..report.table import aligned
+from ..report.verdict_text import aligned
 from ..report.wording import digits, percent, rounded_up, with_unit
 
 if TYPE_CHECKING:

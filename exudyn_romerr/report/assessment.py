@@ -11,10 +11,10 @@ import numpy as np
 from ..checks import check_choice
 from ..errors import InputError
 from .answers import ASSESSED, Answer, Limit
+from .component_verdicts import rows_of_output
 from .cures import CAUSES
-from .report_rows import rows_of_output
 from .scope import COMPLETE
-from .table import TITLES, size_in_words
+from .verdict_text import TITLES, size_in_words
 from .verdicts import ESTIMATED, NO_ESTIMATE, NONE, Verdict, not_covered
 from .wording import digits, listed, rounded_down, rounded_up, widest_scope, with_unit
 

@@ -15,7 +15,7 @@ from ..model.solid_elements import STRAINS
 from .answers import Answer
 from .data import Feature, extents
 from .scope import FROZEN
-from .table import size_in_words
+from .verdict_text import size_in_words
 from .verdicts import ESTIMATED, Verdict
 from .wording import covers_time, digits, estimate_scope
 

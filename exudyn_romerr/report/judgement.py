@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from .answers import Answer, Limit, worst
+from .component_verdicts import limit_of, rows_of_output
 from .cures import ALWAYS, CAUSES
 from .data import is_beside
-from .report_rows import limit_of, rows_of_output
-from .table import (
+from .verdict_text import (
     TITLES,
     UNSURE,
     YOURS,

@@ -13,14 +13,14 @@ from ..errors import InputError
 from ..linear.residual.samples import instants_in
 from .answers import Tolerances, tolerances_of
 from .assessment import Assessment, assess
+from .component_verdicts import limit_of, rows_of_output
 from .data import OutputReport, ReportData
 from .derived import features_of
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
-from .report_rows import limit_of, rows_of_output
 from .scope import with_doubts
-from .table import worst_by_cause
+from .verdict_text import worst_by_cause
 from .wording import widest_scope
 
 if TYPE_CHECKING:

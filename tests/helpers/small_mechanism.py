@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from exudyn_romerr.mechanism.reading import Reading
 from exudyn_romerr.mechanism.rotations import turned_parameters
-from exudyn_romerr.mechanism.samples import Rows
-from exudyn_romerr.mechanism.splined import Splined
+from exudyn_romerr.mechanism.rows import Rows
+from exudyn_romerr.mechanism.splined import Reading, Splined
 from exudyn_romerr.mechanism.unknowns import Unknowns
 from tests.helpers.small_body import SmallBody
 

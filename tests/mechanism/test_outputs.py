@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.mechanism.outputs import CLOSED, NodeSensor, Outputs
-from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.rows import Rows
 from tests.helpers.small_mechanism import SmallMechanism
 
 STEP = 1e-6

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.mechanism.reading import Reading
 from exudyn_romerr.mechanism.readings import FIRST, MOST, Readings
 from exudyn_romerr.mechanism.rotations import rotation_matrix, skew
-from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.rows import Rows
+from exudyn_romerr.mechanism.splined import Reading
 from exudyn_romerr.mechanism.unknowns import TurningNode
 
 S, T_END = 400, 0.4

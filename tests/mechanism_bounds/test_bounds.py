@@ -14,7 +14,7 @@ from exudyn_romerr.mbs.mirror import vectors
 from exudyn_romerr.mbs.mirror.recorder import Recorder
 from exudyn_romerr.mbs.mirror.told_solve import BOUNDS, Asked, told_solve
 from exudyn_romerr.mechanism.scheme import Scheme
-from exudyn_romerr.mechanism_bounds import bounds, proved_widths
+from exudyn_romerr.mechanism_bounds import bounded_estimates, bounds
 from exudyn_romerr.mechanism_bounds.residual_norm import ResidualNorm
 from exudyn_romerr.mechanism_errors import missed
 from models import floating
@@ -127,8 +127,8 @@ def test_what_splines_miss_is_in_the_bound(seed):
 
 def test_without_what_is_missed_there_are_errors_above(monkeypatch):
     """The case above is one: seed 102, mutated."""
-    monkeypatch.setattr(proved_widths, "MISSED", 0.0)
-    monkeypatch.setattr(proved_widths, "SECOND_ORDER", np.zeros(2))
+    monkeypatch.setattr(bounded_estimates, "MISSED", 0.0)
+    monkeypatch.setattr(bounded_estimates, "SECOND_ORDER", np.zeros(2))
     assert list(table.below([told_and_true.of_seed(102)]))
 
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr.compiled.loops import loops
-from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.rows import Rows
 from exudyn_romerr.mechanism.unknowns import Unknowns
 from exudyn_romerr.mechanism_errors import flow as module
 from exudyn_romerr.mechanism_errors.flow import Flow, Series

@@ -11,10 +11,10 @@ import pytest
 
 from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.answers import Tolerances
+from exudyn_romerr.report.component_verdicts import rows_of
 from exudyn_romerr.report.formats import html_page as page
-from exudyn_romerr.report.report_rows import rows_of
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
-from exudyn_romerr.report.table import ASSESS, by_sensor, summary, table
+from exudyn_romerr.report.verdict_text import ASSESS, by_sensor, summary, table
 from exudyn_romerr.report.wording import SAMPLED, rounded_up
 from tests.helpers.theorem import random_case
 

@@ -9,7 +9,7 @@ from exudyn_romerr.report.answers import Answer, Tolerances, worst
 from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.judgement import Judgement, Solve, rows_of_solve, text
 from exudyn_romerr.report.scope import COUPLED, FROZEN
-from exudyn_romerr.report.table import by_sensor
+from exudyn_romerr.report.verdict_text import by_sensor
 from tests.helpers.report_outputs import estimated, report_of
 
 HALVES = {"vectors": 1e-4, "linearisation": 1e-4, "steps": 3e-4, "linearisation of steps": 1e-5, "loads": 0.0}

@@ -9,7 +9,7 @@ import pytest
 from exudyn_romerr.linear.estimators.causes import CAUSES as PARTS_OF_ESTIMATES
 from exudyn_romerr.report import cures
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
-from exudyn_romerr.report.report_rows import OF_BOUNDS_ALONE, of_estimates, rows_of
+from exudyn_romerr.report.component_verdicts import OF_BOUNDS_ALONE, of_estimates, rows_of
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY, Doubt, Reason
 from exudyn_romerr.report.verdicts import SHOWS_NOTHING, TOO_COARSE, judge
 from tests.helpers.report_outputs import estimated, output, report_of, with_rows

@@ -19,7 +19,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.report.answers import Tolerances
-from exudyn_romerr.report.table import reasons, summary
+from exudyn_romerr.report.verdict_text import reasons, summary
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
 from exudyn_romerr.scripts.compared import (
     DO_NOT_SHRINK,

@@ -16,9 +16,9 @@ import scipy.linalg as la
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
 from ...mechanism.body import Body
-from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
+from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
 from ..access.detached import Detached, OnlyReads
 from ..access.mbs_items import FFRF, Items
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...linear.residual.samples import GrowingArray
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
 from ..access.equations import state_in_place
 
 LOST = "rows of the run could not be kept: {}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...mechanism.outputs import InClosedForm, NodeSensor, Outputs, RowsInFrame
 from ...mechanism.rotations import rotation_matrix, times_transposed
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
 from ...mechanism.unknowns import Unknowns
 from ...mechanism_bounds.bounds import MeshRows
 from ...model.outputs import AXES, Output

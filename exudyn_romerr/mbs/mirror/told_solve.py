@@ -15,9 +15,9 @@ from ...linear.estimators.causes import CAUSES, REDUCTION
 from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
+from ...mechanism_bounds.bounded_estimates import with_bounds
 from ...mechanism_bounds.bounds import Bounds
-from ...mechanism_bounds.proved_widths import with_proved
 from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
@@ -263,7 +263,7 @@ def _bounded(bounds: Bounds, by_cause: dict[str, CauseEstimate]) -> tuple[np.nda
     proved = bounds.proved()
     if proved is None:
         return None, bounds.why_not
-    bound = with_proved(by_cause, proved)
+    bound = with_bounds(by_cause, proved)
     return bound, NOT_RESOLVED if bound is None else ""
 
 

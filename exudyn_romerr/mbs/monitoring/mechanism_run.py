@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import RunError
 from ...linear.estimators.causes import REDUCTION
 from ...linear.run.record import Internal
-from ...mechanism.samples import Rows
+from ...mechanism.rows import Rows
 from ..access.solvers import SAME_TIME
 from ..mirror.recorder import StoredRows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve

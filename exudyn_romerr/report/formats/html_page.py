@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..component_verdicts import limit_of
 from ..data import made_here
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.panels import worst_first
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
-from ..report_rows import limit_of
-from ..table import by_sensor, table
+from ..verdict_text import by_sensor, table
 from ..wording import (
     digits,
     estimator_lines,

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..component_verdicts import asked_for, rows_of
 from ..cures import FAR, SHARPER
-from ..report_rows import asked_for, rows_of
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
-from ..table import ASSESS, aligned, by_sensor, first_sentences, has_numbers, reasons, table
-from ..table import summary as first_sentence
+from ..verdict_text import ASSESS, aligned, by_sensor, first_sentences, has_numbers, reasons, table
+from ..verdict_text import summary as first_sentence
 from ..wording import (
     AS_IN_THIS_RUN,
     NOT_THE_MECHANISM,

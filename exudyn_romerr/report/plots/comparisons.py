@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..cures import CAUSES
-from ..table import TITLES, by_sensor
+from ..verdict_text import TITLES, by_sensor
 from ..wording import axis_label
 from .style import (
     CAUSE_STYLES,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
+from ..component_verdicts import limit_of
 from ..data import is_beside
-from ..report_rows import limit_of
 from ..wording import for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save

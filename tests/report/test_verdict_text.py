@@ -9,7 +9,7 @@ import pytest
 
 from exudyn_romerr.report.answers import STATUS, Answer, Limit, Tolerances, worst
 from exudyn_romerr.report.data import extents
-from exudyn_romerr.report.table import (
+from exudyn_romerr.report.verdict_text import (
     by_sensor,
     first_sentences,
     reasons,

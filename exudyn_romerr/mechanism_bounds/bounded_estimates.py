@@ -18,7 +18,7 @@ ROUNDING = 1e-6  # of estimates: what differences and Newton leave
 PROVED = "proved"
 
 
-def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarray | None:
+def with_bounds(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarray | None:
     """Make estimates of the modes what is proved; return bounds (T, R) of errors by modes and interfaces.
 
     None: what estimates miss may be many times as large as they are, and nothing is told of that.
