@@ -151,3 +151,12 @@ def test_forces_that_are_not_smooth_are_in_the_bound(name):
     assert np.isfinite(bound).all()
     assert np.all(np.abs(error) <= bound + NEWTON * largest)
     assert np.abs(out.estimate_parts["basis"] - error).max() > 0.01 * largest  # the estimate lacks something of it
+
+
+def test_half_widths_know_of_a_stop_that_few_rows_do_not_show():
+    """Half widths were 5 % where estimates were as far off as errors are large."""
+    stop = held(2e8, lambda z, _: 1e6 * max(-z - 1.049e-3, 0.0))
+    ((error, out),) = errors_told(stop, 2e-4, 600).values()
+    off = np.abs(out.estimate_parts["basis"] - error)
+    assert off.max() > 0.3 * np.abs(error).max()
+    assert np.all(off <= 2 * out.uncertainty + NEWTON * np.abs(error).max())
