@@ -45,6 +45,7 @@ class Mechanism:
 
     projectors : of each body, (PARTS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
     interfaces rigid. has_user_functions : which may do between samples what these do not tell.
+    has_forces_by_users : whether some of them are of joints, springs and other objects.
     sign : of multipliers as sensors know them. sensors : rows of each.
     """
 
@@ -57,6 +58,7 @@ class Mechanism:
     projectors: Sequence[np.ndarray]
     is_rigid: bool
     has_user_functions: bool
+    has_forces_by_users: bool
     sign: float
     sensors: Sequence[slice]
 

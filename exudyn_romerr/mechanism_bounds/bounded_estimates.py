@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..linear.estimators.causes import STEPS_OF_MODES
+from ..linear.estimators.causes import LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism_errors.half_widths import CauseEstimate
 from .bounds import Proved
 
@@ -27,6 +27,7 @@ def with_bounds(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarra
     whole = sum(by_cause[x].over_time[:, rows] for x in ("modes", "interfaces") if x in by_cause) + proved.static
     largest = np.abs(whole).max(axis=0)
     own = np.abs(proved.missed).max(axis=0)
+    modes.half_widths[LINEAR_MODES][rows] += own  # at stops few rows do not show it
     share = ROUNDING + SECOND_ORDER @ proved.second_order
     margin = share * largest + MISSED * np.maximum(own, _share(proved, own, largest) * largest)
     miss = proved.miss + np.outer(_begun(whole, largest), margin)

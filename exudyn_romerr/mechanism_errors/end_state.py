@@ -15,12 +15,14 @@ from .march import State
 class EndState:
     """What a run leaves wrong: by parts of the modes, what corrects their sums, by the time integration.
 
-    unknowns : of the run. parts, corrections : of the marches. steps (columns, 2 n_q) : coordinates and rates.
+    unknowns : of the run. parts, corrections : of the marches. added : of what is missed; None: nothing was.
+    steps (columns, 2 n_q) : coordinates and rates.
     """
 
     unknowns: Unknowns
     parts: State
     corrections: State
+    added: State | None
     steps: np.ndarray
 
     def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray]) -> EndState:
@@ -30,7 +32,10 @@ class EndState:
         ----------
         shapes : of each body (k, k before), coordinates of its shapes before in those that it has now
         """
-        marches = (State(_of(x.x, self.unknowns, unknowns, shapes), x.p) for x in (self.parts, self.corrections))
+        marches = (
+            None if x is None else State(_of(x.x, self.unknowns, unknowns, shapes), x.p)
+            for x in (self.parts, self.corrections, self.added)
+        )
         return EndState(unknowns, *marches, self.steps)
 
 

@@ -75,7 +75,7 @@ class March:
         if self.state is not None:
             return self(block, factors, f, g)
         if before is None:
-            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()), g[0])
         else:
             begun = self.go_on(block, f[0], before)
         return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:], g[1:]), strict=True)))
@@ -106,8 +106,10 @@ class March:
         self.state = State(np.array([q, v, a, a]), np.array([p, p1, p2, p2]))
         return self.state.x[None, :3].copy(), lam
 
-    def begin(self, block: Block, f: np.ndarray, rests: bool) -> tuple[np.ndarray, np.ndarray]:
-        """First row under f (n, columns): accelerations from rest; static if rests, for the full model rests, too.
+    def begin(
+        self, block: Block, f: np.ndarray, rests: bool, g: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """First row under f (n, columns): accelerations from rest; if rests static with C e = g, as all modes are.
 
         Returns
         -------
@@ -116,7 +118,7 @@ class March:
         u, n_a, x = self._unknowns, self._unknowns.n_a, f.copy()
         A = (block.K if rests else block.M)[:1].copy()
         r, waves = np.zeros((n_a + block.C.shape[1], f.shape[1])), []
-        r[:n_a] = f[:n_a]
+        r[:n_a], r[n_a:] = f[:n_a], g if rests else 0.0
         for body, at, own, wave in zip(u.bodies, u.blocks, u.waves, block.couplings, strict=True):
             soft = 1 / body.springs if rests else np.ones(body.m)
             up, down = (wave.K[0] * soft, wave.K_back[0]) if rests else (wave.M[0], wave.M[0])

@@ -9,6 +9,7 @@ is missed then is less by as much as errors are small.
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +21,14 @@ from .half_widths import Largest
 from .linearity import LEAST, PART, missed_shares, nonlinear_forces
 from .march import March, State
 
+if TYPE_CHECKING:
+    from .end_state import EndState
+
 MOST = 32  # rows of a block that are looked at
 # of forces or motions of errors, if more is missed it is added: half widths know of the second, of the first bounds
 # would take a margin that is wide; with more than MUCH errors are not small, and what is added may grow
 FOR_BOUNDS, COUNTS, MUCH = 1 / 2048, 1 / 50, 1 / 4
+COMES = 128  # rows over which what is added comes or goes: constraints off by it at once would make velocities
 
 
 class MissedForces:
@@ -33,9 +38,12 @@ class MissedForces:
     turn a node, rad; the largest of both.
     """
 
-    def __init__(self, of: Mechanism, for_bounds: bool):
+    def __init__(self, of: Mechanism, for_bounds: bool, before: EndState | None):
         self._of, self._for_bounds, self.second_order, self._most = of, for_bounds, np.zeros(2), 0.0
         self._added, self._rest = (March(of.unknowns, of.scheme) for _ in range(2))
+        self._before = None if before is None else before.added
+        # how much of it is added, 0 to 1, and what was in the last row
+        self._level, self._last = float(before is None or before.added is not None), None
 
     @property
     def end(self) -> State | None:
@@ -55,18 +63,35 @@ class MissedForces:
         rows, added = self._rows(block, first, e), (np.zeros(e.shape), np.zeros(lam.shape))
         missed = self._missed(block, rows, e, lam)
         share, counts = self._shares(block, rows, e, missed).max(), FOR_BOUNDS if self._for_bounds else COUNTS
-        if self.end is not None or counts < share < MUCH:
-            if share < MUCH:
-                every = np.arange(int(first == 0), len(block))  # how a run begins is not theirs to say
-                kicks[every], g[every] = self._missed(block, every, e, lam)
+        goes_on = self.end is not None or (first == 0 and self._before is not None)
+        if is_added := goes_on or counts < share < MUCH:
             if first and self.end is None:
-                self._added.state = State.at_rest(self._of.unknowns)
-            added = self._added.through(block, factors, kicks[..., None], of_constraints=g[..., None])
+                self._added.state, self._level = State.at_rest(self._of.unknowns), 0.0
+            kicks, g = self._to_be_added(block, first, e, lam, share < MUCH)
+            added = self._added.through(block, factors, kicks[..., None], self._before, g[..., None])
             added = [x[..., 0] for x in added]
-            if self._for_bounds:
-                e, lam = (x + y for x, y in zip((e, lam), added, strict=True))
-                missed = [x - y[rows] for x, y in zip(self._missed(block, rows, e, lam), (kicks, g), strict=True)]
+        if self._of.has_forces_by_users:  # which need not be smooth: few rows do not tell
+            rows = np.flatnonzero(e[:, 0].any(axis=1))
+        if self._for_bounds and (is_added or self._of.has_forces_by_users):
+            e, lam = (x + y for x, y in zip((e, lam), added, strict=True))
+            missed = [x - y[rows] for x, y in zip(self._missed(block, rows, e, lam), (kicks, g), strict=True)]
         return kicks, added, self._beside(block, factors, first, rows, e, missed) if self._for_bounds else None
+
+    def _to_be_added(
+        self, block: Block, first: int, e: np.ndarray, lam: np.ndarray, is_small: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is missed, kicks (T, n) and of constraints (T, c): it comes in, or goes if it is no longer small."""
+        T, begins = len(block), int(first == 0 and not e[0, :2].any())
+        change = np.arange(1, T + 1) / COMES
+        if is_small:
+            kicks, g = np.zeros((T, self._of.unknowns.n)), np.zeros(lam.shape)
+            kicks[begins:], g[begins:] = self._missed(block, np.arange(begins, T), e, lam)
+            self._last, level = (kicks[-1:], g[-1:]), np.minimum(self._level + change, 1.0)
+        else:
+            kicks, g = self._last = self._last or self._missed(block, np.arange(1), e, lam)
+            level = np.maximum(self._level - change, 0.0)
+        self._level, weight = level[-1], (level**2 * (3 - 2 * level))[:, None]
+        return weight * kicks, weight * g
 
     def _beside(
         self,

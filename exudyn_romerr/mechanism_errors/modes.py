@@ -63,7 +63,7 @@ class Modes:
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
         self._for_bounds = for_bounds
-        self._missed = None if of.readings.splined.is_sampled else MissedForces(of, for_bounds)
+        self._missed = None if of.readings.splined.is_sampled else MissedForces(of, for_bounds, before)
         self.squares = [0.0] * len(of.unknowns.bodies)
 
     def take(self, block: Block, first: int) -> None:
@@ -154,12 +154,9 @@ class Modes:
         return off, off_lam
 
     @property
-    def end(self) -> tuple[State, State]:
-        """The states of parts and corrections after the last row."""
-        corrections, added = self._second.state, self._missed and self._missed.end
-        if added is not None:
-            corrections = State(corrections.x + added.x, corrections.p + added.p)
-        return self._first.state, corrections
+    def end(self) -> tuple[State, State, State | None]:
+        """The states of parts, corrections and what is missed after the last row."""
+        return self._first.state, self._second.state, self._missed and self._missed.end
 
     def _kicks(self, block: Block) -> np.ndarray:
         """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""

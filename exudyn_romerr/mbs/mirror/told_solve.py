@@ -28,8 +28,9 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.detached import user_functions
+from ..access.detached import functions_of, user_functions
 from ..access.equations import state_set
+from ..access.mbs_items import Items
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy, require_covered, unknowns_of
@@ -190,6 +191,7 @@ def told_solve(
             projectors=[one.projectors for one in bodies],
             is_rigid=is_rigid(bodies),
             has_user_functions=bool(functions) or pre_step is not None,
+            has_forces_by_users=any(functions_of(item) for item in Items(mbs).objects),
             sign=-1.0 if asked.is_static else 1.0,
             sensors=[one.rows for one in sensors.shown],
         )
