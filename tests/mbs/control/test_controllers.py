@@ -526,8 +526,9 @@ def test_springs_by_functions_are_told_as_springs(kind):
     for pair in zip(*runs, strict=True):
         assert [set(report.scope.values()) for report in pair] == [{COUPLED}] * 2
         one, other = (report.output("probe") for report in pair)
-        for x, y in ((one.estimate, other.estimate), (one.bound["best"], other.bound["best"])):
-            np.testing.assert_allclose(y, x, rtol=0, atol=1e-6 * np.abs(x).max())
+        np.testing.assert_allclose(other.estimate, one.estimate, rtol=0, atol=1e-6 * np.abs(one.estimate).max())
+        x, y = one.bound["best"], other.bound["best"]  # with margins of all rows under functions, else of few
+        np.testing.assert_allclose(y, x, rtol=0, atol=0.01 * np.abs(x).max())
 
 
 # --- torsional springs that count whole turns ---------------------------------------
