@@ -65,14 +65,13 @@ static int mechanism_of(PyObject *scheme, PyObject *starts, PyObject *bodies, Py
 {
     const Size T = all->T, n_a = all->n_a, k = all->k, w = n_a + k, c = all->c, square = T * n_a * n_a;
     const Size many[MARCH_ARRAYS] = {T, T, T, square, square, square, T * k * n_a, T * w * w, all->orders * square,
-                                     T * all->nodes * 70, T * all->n * c, T * k * c};
-    const double **into[9] = {&all->h, &all->c1, &all->c2,     &all->M,      &all->D,
-                                             &all->K, &all->C,  &all->inverse, &all->sampled};
-    for (int i = 0; i < 9; i++)
+                                     T * all->n * c, T * k * c, T * all->nodes * 70};
+    const double **into[MARCH_ARRAYS - 1] = {&all->h, &all->c1,      &all->c2,      &all->M, &all->D, &all->K,
+                                             &all->C, &all->inverse, &all->sampled, &all->f, &all->g};
+    const int last = MARCH_ARRAYS - 1;
+    for (int i = 0; i < last; i++)
         if (!(*into[i] = numbers(given[i], held, many[i], 'd', 0))) return -1;
-    if (!(all->turns = numbers(given[9], held, many[9], 'd', 0)) ||
-        !(all->f = numbers(given[10], held, many[10], 'd', 0)) ||
-        !(all->g = numbers(given[11], held, many[11], 'd', 0)) ||
+    if (!(all->turns = numbers(given[last], held, many[last], 'd', 0)) ||
         !(all->scheme = numbers(scheme, held, 4, 'd', 0)) ||
         !(all->x = numbers(written[0], held, 4 * all->n * c, 'd', PyBUF_WRITABLE)) ||
         !(all->y = numbers(written[1], held, 16 * all->nodes * c, 'd', PyBUF_WRITABLE)) ||

@@ -32,9 +32,8 @@ class Linearity:
         """See the class; 0 where there are no errors."""
         if not self._looks:
             return 0.0
-        off, whole = np.array(self._looks).swapaxes(0, 1)
-        whole = np.maximum(whole, LEAST * whole.max(axis=0))
-        return float((off / np.where(whole > 0, whole, np.inf)).max())
+        sizes = np.array(self._looks)
+        return float(largest_shares(sizes, sizes[:, 1].max(axis=0)).max())
 
     def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
         """Look at rows of a block, which begins with number `first` of the run.
@@ -52,10 +51,10 @@ class Linearity:
         at = np.array([i for i in sorted(rows | set(doubtful)) if e[i].any()], int)
         if len(at):
             part = block[at]
-            self._looks += [*missed_shares(self._of, part, e[at], *nonlinear_forces(self._of, part, e[at], lam[at]))]
+            self._looks += [*missed_sizes(self._of, part, e[at], *nonlinear_forces(self._of, part, e[at], lam[at]))]
 
 
-def missed_shares(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:
+def missed_sizes(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:
     """Return sizes (T, 2, 2): of forces left (T, n_a) and constraints g (T, c) that are missed, of what errors make.
 
     e (T, 3, n_a) : errors. Of forces |.|_{M^-1} but for vectors, of constraints the motion by which they are off,
@@ -69,6 +68,16 @@ def missed_shares(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, 
     reach = np.linalg.norm(block.C / np.sqrt(masses)[:, None], axis=2)
     bent = np.abs(g / np.where(reach > 0, reach, 1.0)).max(axis=1, initial=0.0)
     return np.stack([[off, bent], [np.max(forces, axis=0), motion]]).transpose(2, 0, 1)
+
+
+def largest_shares(sizes: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """Return the largest shares (2,) of sizes (T, 2, 2) as missed_sizes has them.
+
+    most (2,) : what errors make at most along the run; a row where they make little of that tells nothing.
+    """
+    off, whole = sizes.swapaxes(0, 1)
+    whole = np.maximum(whole, LEAST * most)
+    return (off / np.where(whole > 0, whole, np.inf)).max(axis=0)
 
 
 def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:

@@ -194,7 +194,7 @@ class March:
         x, p = self.state.x.copy(), self.state.p.copy()
         arrays = (
             *(factors.h, factors.c1, factors.c2, block.M, block.D, block.K, block.C),
-            *(factors.inverse, np.array(block.sampled), factors.turns.packed(), f, g),
+            *(factors.inverse, np.array(block.sampled), f, g, factors.turns.packed()),
         )
         T, n, columns = f.shape
         loops.march_mechanism(

@@ -18,7 +18,7 @@ from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 from .factors import Factors, factors_of
 from .half_widths import Largest
-from .linearity import LEAST, PART, missed_shares, nonlinear_forces
+from .linearity import PART, largest_shares, missed_sizes, nonlinear_forces
 from .march import March, State
 
 if TYPE_CHECKING:
@@ -131,11 +131,9 @@ class MissedForces:
         if not len(rows):
             return np.zeros(2)
         own = slice(self._of.unknowns.n_a)
-        sizes = missed_shares(self._of, block[rows], e[rows, :, own], missed[0][:, own], missed[1])
-        off, whole = sizes.swapaxes(0, 1)
-        self._most = np.maximum(self._most, whole.max(axis=0))
-        whole = np.maximum(whole, LEAST * self._most)
-        return (off / np.where(whole > 0, whole, np.inf)).max(axis=0)
+        sizes = missed_sizes(self._of, block[rows], e[rows, :, own], missed[0][:, own], missed[1])
+        self._most = np.maximum(self._most, sizes[:, 1].max(axis=0))
+        return largest_shares(sizes, self._most)
 
     def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
         """Rows of a block that are looked at: where there are errors."""

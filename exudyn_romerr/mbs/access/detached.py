@@ -352,11 +352,11 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
     return [f for f in found if callable(f)]
 
 
-def user_functions(mbs: Any) -> list[Callable]:
-    """Return the user functions of loads and objects."""
+def user_functions(mbs: Any) -> tuple[list[Callable], list[Callable]]:
+    """Return the user functions of loads, and of objects."""
     items = Items(mbs)
-    found = [f for load in items.loads for f in load_functions(load)]
-    return [*found, *(f for item in items.objects for f in functions_of(item))]
+    of_loads = [f for load in items.loads for f in load_functions(load)]
+    return of_loads, [f for item in items.objects for f in functions_of(item)]
 
 
 def functions_of(item: dict[str, Any]) -> list[Callable]:

@@ -28,9 +28,8 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.detached import functions_of, user_functions
+from ..access.detached import user_functions
 from ..access.equations import state_set
-from ..access.mbs_items import Items
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy, require_covered, unknowns_of
@@ -167,8 +166,8 @@ def told_solve(
     mbs = as_built_in(mbs, flexes)
     shown = rows[-1:] if asked.is_static else rows
     rows = _as_equations_have_it(shown, asked.is_static)
-    functions = user_functions(mbs)
-    detached, pre_step = detached_with(mbs, functions, rows, asked.begun or {})
+    of_loads, of_objects = user_functions(mbs)
+    detached, pre_step = detached_with(mbs, [*of_loads, *of_objects], rows, asked.begun or {})
     if detached.lost:
         raise AssumptionError(HOLDS.format(detached.lost))
     # an error that grows beyond all numbers is told as not known; numpy says nothing of it in the user's run
@@ -190,8 +189,8 @@ def told_solve(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
             is_rigid=is_rigid(bodies),
-            has_user_functions=bool(functions) or pre_step is not None,
-            has_forces_by_users=any(functions_of(item) for item in Items(mbs).objects),
+            has_user_functions=bool(of_loads or of_objects) or pre_step is not None,
+            has_forces_by_users=bool(of_objects),
             sign=-1.0 if asked.is_static else 1.0,
             sensors=[one.rows for one in sensors.shown],
         )
