@@ -42,8 +42,7 @@ class ElasticBody:
     ----------
     mass, stiffness : scipy.sparse matrix or ndarray, (N, N)
         Symmetric; mass positive definite, stiffness positive definite once `fixed` is taken out. In single precision
-        they are computed with in double; reports say what their rounding leaves open, of numbers that were in single
-        precision before, too, whatever type they are passed on as (that is seen from them).
+        they are computed with in double; reports say what their rounding leaves open.
     rayleigh : (float, float), optional
         (alpha, beta) in 1/s and s: D = alpha M + beta K. Neither rayleigh nor damping: undamped.
     damping : scipy.sparse matrix or ndarray, (N, N), optional

@@ -14,11 +14,7 @@ from ..errors import AssumptionError, InputError
 from ..linalg.eigenmodes import count_below
 from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, idle_motion, negative_eigenvalues
 
-DOUBLE, SINGLE = float(np.finfo(float).eps), float(np.finfo(np.float32).eps)
-WITH_DATA = ("csc", "csr", "coo", "bsr")  # formats of sparse matrices whose numbers are in one array
-BITS_OF_SINGLE = 24
-SHORT = 20  # bits: what has no more of them may be a number that somebody chose
-ENOUGH_TO_TELL = 10  # sizes of numbers: fewer may be chosen. A regular mesh has 20, however many elements it has
+DOUBLE = float(np.finfo(float).eps)
 SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed with 10 digits still pass
 FREE = 1e-6  # of the largest sum of terms of a row: matrices printed with 7 digits
 NAMED = 8  # coordinates at most
@@ -54,46 +50,12 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
 
 
 def precision(value: Any) -> float:
-    """Return the relative spacing of the numbers of an array, told by its type and by the numbers themselves.
+    """Return the relative spacing of the numbers of an array or a sparse matrix, by its type; double of all else.
 
-    Parameters
-    ----------
-    value : ndarray, scipy.sparse matrix, list, or anything else
-
-    Returns
-    -------
-    float
-        1.2e-7 of single precision, whatever type that was passed on as; 2.2e-16 of all else.
-
-    Notes
-    -----
-    Does not cover: numbers that were rounded to some decimal digits, as in texts, and never were in single precision.
+    Does not cover: numbers that were in single precision, or in decimal digits, before they came as double.
     """
-    if sp.issparse(value):
-        numbers = (value if value.format in WITH_DATA else value.tocsc()).data
-    else:
-        try:
-            numbers = np.asarray(value)
-        except ValueError:  # rows of different lengths: told where they are read
-            return DOUBLE
-    if numbers.dtype.kind != "f":
-        return DOUBLE
-    given = max(float(np.finfo(numbers.dtype).eps), DOUBLE)
-    return SINGLE if given < SINGLE and _went_through_single(numbers.ravel()) else given
-
-
-def _went_through_single(numbers: np.ndarray) -> bool:
-    """Whether most of the numbers, each size counted once, are rounded to 24 bits.
-
-    Few numbers, or short ones such as 0.5 and 2000, are exact in single precision and tell nothing. Of others one in
-    2^29 happens to be so: what was added in double precision since, such as springs, does not hide what others show.
-    """
-    sizes = np.abs(numbers[np.isfinite(numbers)])
-    with np.errstate(over="ignore"):
-        exact = np.unique(sizes[sizes == sizes.astype(np.float32)])
-    mantissa = np.ldexp(np.frexp(exact)[0], BITS_OF_SINGLE)
-    rounded = np.count_nonzero(mantissa % 2.0 ** (BITS_OF_SINGLE - SHORT))
-    return rounded >= ENOUGH_TO_TELL and 2 * rounded >= np.unique(sizes).size
+    kind = np.dtype(getattr(value, "dtype", float))
+    return max(float(np.finfo(kind).eps), DOUBLE) if kind.kind == "f" else DOUBLE
 
 
 def checked_inputs(inputs: Any, size: int) -> np.ndarray | sp.csc_matrix:
