@@ -8,27 +8,27 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError
 
 HEAD = 1 << 16  # bytes that are looked at
 ENDINGS = {
     ".inp": "deck",
-    ".pkl": "pickle",
+    ".pkl": "exudyn",
     **dict.fromkeys((".mtx", ".gz", ".sti", ".mas"), "matrix"),
-    **dict.fromkeys((".hdf5", ".h5"), "hdf5"),
     **dict.fromkeys((".bdf", ".dat", ".nas", ".blk"), "bulk"),
-    **{f".{kind}": kind for kind in ("npz", "npy", "full", "cdb", "rst", "pch", "op2", "op4")},
+    **dict.fromkeys((".op2", ".op4"), "output"),
+    **{f".{kind}": kind for kind in ("npz", "npy", "full", "cdb", "rst", "pch")},
 }
 MATRICES = ("matrix", "harwell", "npz", "npy")
 MESHES = ("deck", "cdb", "rst", "bulk")
-NASTRAN = ("pch", "op2", "op4")
 KNOWN_MESHES = ".inp, .cdb and .rst, and Nastran's bulk data (.bdf, .dat, .nas, .blk)"
 KNOWN = (
-    ".inp and .mtx of Abaqus; .inp, .sti and .mas of CalculiX; .full of Ansys; .pch, .op2 and .op4 of Nastran; "
-    "Matrix Market; Harwell-Boeing (HBMAT of Ansys); .npz and .npy of one matrix; .npz, .hdf5 and .pkl of Exudyn's "
-    "FEMinterface.SaveToFile; .npz of FEModel.save"
+    ".inp and .mtx of Abaqus; .inp, .sti and .mas of CalculiX; .full of Ansys; .pch of Nastran (DMIG); Matrix "
+    "Market; Harwell-Boeing (HBMAT of Ansys); .npz and .npy of one matrix; .npz of FEModel.save"
+)
+OF_EXUDYN = (
+    "{} is what FEMinterface.SaveToFile writes, which Exudyn reads: fem.LoadFromFile. Then pass the fem: "
+    "floating_body(fem, items), ElasticBody.from_fem(fem)"
 )
 REFUSED = {
     "substructure": (
@@ -36,17 +36,17 @@ REFUSED = {
         "Abaqus write the matrices of the whole body, in place of *Substructure Generate: *Matrix Generate, "
         "stiffness, mass and *Matrix Output, stiffness, mass, format=matrix input"
     ),
-    "old npy": (
-        "{} is what FEMinterface.SaveToFile of older versions of Exudyn wrote. Exudyn reads it with NumPy 1.x only: "
-        "fem.LoadFromFile (its pickles may run any code: do so if you trust it). There fem.SaveToFile('body.hdf5') "
-        "writes a file for read_body('body.hdf5'); or pass the fem: ElasticBody.from_fem(fem)"
+    "exudyn": OF_EXUDYN,
+    "output": (
+        "{} is an output file of Nastran, of which matrices are not read; let it write them as DMIG to a .pch "
+        "(PARAM,EXTOUT,DMIGPCH)"
     ),
 }
 ANSYS = b"\x64\0\0\0\0\0\0\x80"  # 100 words in the first record; then the number of the kind
 BINARY = (
     (b"\x93NUMPY", "npy"),
     (b"PK\x03\x04", "npz"),
-    (b"\x89HDF\r\n", "hdf5"),
+    (b"\x89HDF\r\n", "exudyn"),
     (ANSYS + b"\x04\0\0\0", "full"),
     (ANSYS + b"\x0c\0\0\0", "rst"),
 )
@@ -60,7 +60,7 @@ LINES = (
     (r"/COM, *ANSYS|NBLOCK *,", "cdb"),
     (r"DMIG\*?[ ,\t]", "pch"),
     (r"GRID\*?[ ,\t]|BEGIN +BULK|CEND\b|SOL +\d", "bulk"),
-    (r" *\d+ +-?\d+ +\d+ +\d+\w+ +1P,? *\d+E\d+\.\d+", "op4"),
+    (r" *\d+ +-?\d+ +\d+ +\d+\w+ +1P,? *\d+E\d+\.\d+", "output"),
 )
 
 
@@ -69,12 +69,12 @@ def kind_of(path: Path) -> str:
     head = _head(path)
     for start, kind in BINARY:
         if head.startswith(start):
-            return "old npy" if kind == "npy" and _of_exudyn(path) else kind
+            return kind
     lines = [] if b"\0" in head else head.decode("ascii", errors="replace").splitlines()
     found = (kind for line in lines for pattern, kind in LINES if re.match(pattern, line, re.IGNORECASE))
     told = "harwell" if _is_harwell(lines) else next(found, "")
     ending = ENDINGS.get(path.suffix.lower(), "")
-    if told == "bulk" and ending in NASTRAN:  # nodes before the matrices
+    if told == "bulk" and ending == "pch":  # nodes before the matrices
         return ending
     return told or ending or ("matrix" if _is_table(lines) else "")
 
@@ -127,15 +127,3 @@ def _is_table(lines: list[str]) -> bool:
     found = [line.replace(",", " ").split() for line in lines if line.strip() and not line.startswith("*")][:3]
     whole = re.compile(r"\d+")
     return bool(found) and all(len(x) in (3, 5) and all(whole.fullmatch(y) for y in x[:-1]) for x in found)
-
-
-def _of_exudyn(path: Path) -> bool:
-    """Whether an .npy begins with a version, or with a dict, and not with a matrix."""
-    try:
-        with open(path, "rb") as stream:
-            version = np.lib.format.read_magic(stream)
-            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-            shape, _, kind = read(stream)
-    except ValueError:  # damaged: said where it is read
-        return False
-    return (shape == (1,) and kind.kind in "iu") or (shape == () and kind.hasobject)

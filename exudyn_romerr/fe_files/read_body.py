@@ -14,13 +14,12 @@ from .ansys_files import read_ansys_mesh, read_full
 from .assembled import assembled
 from .fe_data import Matrix, Mesh
 from .fe_model import FEModel, read_saved
-from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, NASTRAN, known_kind, not_known
+from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, known_kind, not_known
 from .matrix_files import OF_CALCULIX, read_matrix
 from .nastran_files import read_bulk, read_nastran
 
 ANSYS_MESHES = (".cdb", ".rst")
 OF_ABAQUS = {"stiffness": "STIF", "mass": "MASS"}  # in the names of its files
-SAVED = ("npz", "hdf5", "pickle")
 BY_CALCULIX = re.compile(r"SOLVER *= *MATRIXSTORAGE", re.IGNORECASE)
 BY_ABAQUS = re.compile(r"^\*(MATRIX GENERATE|MATRIX OUTPUT|PART|ASSEMBLY|INSTANCE)\b", re.IGNORECASE | re.MULTILINE)
 
@@ -34,7 +33,6 @@ def read_body(
     rayleigh: Sequence[float] | None = None,
     fixed: str | Sequence[str | int] = (),
     reference: Any = None,
-    unpickle: bool = False,
 ) -> FEModel:
     """Read mass and stiffness, and what else is there: nodes, elements, node sets, supports.
 
@@ -43,9 +41,9 @@ def read_body(
     path : path
         Abaqus: .inp, with JOB_MASS1.mtx and JOB_STIF1.mtx beside it (both formats of *Matrix Output). CalculiX: .inp
         or .sti, with JOB.sti, .mas and .dof beside it. Ansys: .full (extra [ansys]), with .cdb or .rst of that name
-        for nodes. Nastran: .pch with DMIG, .op2 or .op4 (extra [nastran]). Matrix Market .mtx or .mtx.gz,
-        Harwell-Boeing (HBMAT of Ansys), scipy's .npz: the stiffness matrix, with mass=. What FEMinterface.SaveToFile
-        wrote: .npz, .hdf5 (needs h5py), .pkl. What FEModel.save wrote: .npz. Other endings: by what is in the file.
+        for nodes. Nastran: .pch with DMIG (extra [nastran]). Matrix Market .mtx or .mtx.gz, Harwell-Boeing (HBMAT of
+        Ansys), scipy's .npz: the stiffness matrix, with mass=. What FEModel.save wrote: .npz. Other endings: by what
+        is in the file.
     mass, stiffness : path, optional
         The file of that matrix, where its name does not tell, or the matrix itself is in none of the above. Of
         Nastran: its name in the file, "MAAX".
@@ -53,9 +51,6 @@ def read_body(
         The file with nodes, where it is another one: .inp, .cdb, .rst, or Nastran's bulk data .bdf, .dat, .nas, .blk.
     rayleigh, fixed, reference
         Of `.body`, as ElasticBody takes them; fixed may name node sets.
-    unpickle : bool
-        FEMinterface's .npz and .pkl hold Python objects (pickle), which may run any code while they are read. True:
-        you trust the file. Its .hdf5 needs no trust.
 
     Returns
     -------
@@ -67,7 +62,7 @@ def read_body(
     ------
     InputError
         A file that is missing, damaged, of no known kind, or lacks something: the message says what and how to get
-        it. A package that is not installed. A pickle without unpickle=True.
+        it. A package that is not installed.
 
     Does not cover: several parts or instances, constraints between nodes (*Equation, *Tie, RBE2 ... refused where the
     reader sees them), damping matrices, superelements, units (those of the files are kept).
@@ -79,15 +74,15 @@ def read_body(
             raise InputError(f"{name}={os.fspath(other)!r} is no file")
     kind = known_kind("path", path)
     nodes = None if mesh is None else _mesh(Path(mesh))
-    if kind in NASTRAN:
-        *pair, own = read_nastran(path, kind, mass, stiffness)
+    if kind == "pch":
+        *pair, own = read_nastran(path, mass, stiffness)
         return assembled(*pair, nodes or own, **options)
     if kind == "full":
         return assembled(*read_full(path), nodes or _beside(path, ANSYS_MESHES), **options)
     if kind in MESHES:
         pair = [_matrix(path, kind, given, word) for word, given in (("stiffness", stiffness), ("mass", mass))]
         return assembled(*pair, nodes or _mesh(path), **options)
-    if kind in SAVED and mass is None and (found := read_saved(path, kind, unpickle, options)) is not None:
+    if kind == "npz" and mass is None and (found := read_saved(path, options)) is not None:
         return found
     if kind in MATRICES:
         of_calculix = path.suffix.lower() in OF_CALCULIX.values()
@@ -102,7 +97,7 @@ def _mesh(path: Path) -> Mesh:
         return read_input(path)
     if kind in ("cdb", "rst"):
         return read_ansys_mesh(path, archive=kind == "cdb")
-    if kind == "bulk" or kind in NASTRAN:
+    if kind in ("bulk", "pch"):
         return read_bulk(path)
     raise not_known("mesh", path, KNOWN_MESHES)
 

