@@ -177,7 +177,7 @@ def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[f
     """Frequencies and weights: Gauss nodes between resonances, drawn towards these (at least n/2 in all)."""
     if body.modal is not None:
         raise AssumptionError("gramian_basis takes no ratios by mode; take the body with rayleigh= alone")
-    inside = min(count_below(body.M, body.K, hi, body.stiffness_factor.order), RESONANCES)
+    inside = min(count_below(body.M, body.K, hi), RESONANCES)
     omega = body.modes(inside).omega if inside else np.zeros(0)
     if body.D is None and np.any(omega >= lo):
         raise AssumptionError(

@@ -55,42 +55,24 @@ def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFa
     for count in (m, m + MORE):
         omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, count, factor))
         modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
-        if count > m or not _missing_below(M, K, omega, modes.cut, factor.order):
-            break
-    if count > m:
-        check_no_mode_missed(M, K, modes, factor.order)
+        if count == m and _missing_below(M, K, modes) == 0:
+            return modes
+    check_no_mode_missed(M, K, modes)
     return modes.first(m)
 
 
-def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes, order: np.ndarray | None = None) -> None:
-    """Compare the modes below `cut` with the negative pivots of K - cut^2 M (Sylvester's law of inertia).
-
-    order : coordinates in the order that K is eliminated in, if it is known.
-
-    Raises
-    ------
-    AssumptionError
-        Modes are missing; the message names the narrowest interval between computed modes that lacks one.
-    """
-    if _missing_below(M, K, modes.omega, modes.cut, order) == 0:
-        return
-    lo, hi = -1, modes.omega.size  # bisection over the gaps: missing below omega[hi], none below omega[lo]
-    while hi - lo > 1:
-        middle = (lo + hi) // 2
-        missing = _missing_below(M, K, modes.omega, modes.omega[middle] * (1 - GAP), order)
-        lo, hi = (lo, middle) if missing else (middle, hi)
-    upper = modes.omega[hi] if hi < modes.omega.size else modes.cut
-    lower = modes.omega[lo] if lo >= 0 else 0.0
-    raise AssumptionError(
-        f"a mode is missing between {lower:.6g} and {upper:.6g} rad/s: the eigenvalue solver did not find it; "
-        "ask for a few modes more or fewer, or check the body for nearly equal frequencies there"
-    )
+def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> None:
+    """Raise AssumptionError unless all modes below modes.cut are there, by Sylvester's law of inertia."""
+    missing = _missing_below(M, K, modes)
+    if missing:
+        raise AssumptionError(
+            f"{missing} of the modes below {modes.cut:.6g} rad/s are missing: the eigenvalue solver did not find "
+            "them; ask for a few modes more or fewer, or check the body for nearly equal frequencies there"
+        )
 
 
-def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndarray | None = None) -> int:
+def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float) -> int:
     """Return the number of modes with omega < limit (rad/s), by Sylvester's law of inertia.
-
-    order : coordinates in the order that K is eliminated in, if it is known.
 
     Raises
     ------
@@ -100,7 +82,7 @@ def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndar
     for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
         square = (limit * (1 - 0.1 * GAP * retry)) ** 2
         free = isinstance(M, FreeMassMatrix)
-        count = M.count_below(square, order) if free else negative_eigenvalues(K - square * M, order)
+        count = M.count_below(square) if free else negative_eigenvalues(K - square * M)
         if count is not None:
             return count
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
@@ -116,8 +98,8 @@ def same_start(n: int) -> dict[str, Any]:
     return {name: x for name, x in options.items() if name in signature(eigsh).parameters}  # rng: scipy 1.17
 
 
-def _missing_below(M, K, omega, limit, order) -> int:
-    return count_below(M, K, limit, order) - int(np.sum(omega < limit))
+def _missing_below(M, K, modes: Modes) -> int:
+    return count_below(M, K, modes.cut) - int(np.sum(modes.omega < modes.cut))
 
 
 def _dense_shapes(M: np.ndarray, K: np.ndarray, m: int) -> np.ndarray:

@@ -33,7 +33,6 @@ SMALLEST = 1e-200  # largest entry of a column that is split: of smaller ones th
 class PardisoFactor:
     """Cholesky's L L^T; `complete` is False where there is none."""
 
-    order = None  # it is not told
     negative_pivots = 0
 
     def __init__(self, matrix: sp.csc_matrix):

@@ -1,6 +1,6 @@
 """Factorisations of sparse matrices, symmetric ones scaled: solves, norms, definiteness, counts of eigenvalues.
 
-By SuperLU in its own order or METIS's, or MKL's PARDISO; the last two need packages of the extra `large`.
+By SuperLU, or MKL's PARDISO, which needs a package of the extra `large`.
 """
 
 from __future__ import annotations
@@ -18,11 +18,8 @@ from scipy.sparse.linalg import SuperLU, splu
 from .blocked_products import by_columns
 from .pardiso import PardisoFactor, count_negative_pivots, enough_memory, pardiso_solve
 
-PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
 MANY = 30_000  # coordinates whose factorisation takes longer than a user likes to wait
-SECONDS = {"superlu": 17.0, "metis": 9.0, "pardiso": 2.3}  # of 55,488 coordinates: benchmarks/large_bodies.py
-# coordinates; below, an order that fills less and supernodes do not make up for finding and building them
-FEW = 5_000
+FEW = 5_000  # coordinates; below, supernodes do not make up for finding and building them
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
@@ -46,8 +43,8 @@ class SymmetricFactor:
         scaled, scale = _scaled(matrix)
         third = _third(scaled) if len(scale) >= FEW else None
         self._copies, scaled = (1, scaled) if third is None else (3, third)
-        self._scale, kind = scale[:, None], solver(scaled.shape[0])
-        self._factor = PardisoFactor(scaled) if kind == "pardiso" else SuperLUFactor(scaled, _order(scaled, kind))
+        self._scale = scale[:, None]
+        self._factor = (PardisoFactor if solver(scaled.shape[0]) == "pardiso" else SuperLUFactor)(scaled)
 
     @property
     def definite(self) -> bool:
@@ -58,11 +55,6 @@ class SymmetricFactor:
     def smallest_pivot(self) -> float:
         """Smallest pivot over its diagonal entry: <= SINGULAR_PIVOT means not positive definite."""
         return self._factor.smallest_pivot
-
-    @property
-    def order(self) -> np.ndarray | None:
-        """Coordinates in the order of their elimination, (n,); None if it is not known."""
-        return self._factor.order if self._copies == 1 else None
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for one vector (n,) or many (n, k), which may be a sparse matrix."""
@@ -109,16 +101,13 @@ class SubspaceFactor:
         return self._S @ self._factor.solve(self._S.T @ right)
 
 
-def negative_eigenvalues(matrix: sp.spmatrix, order: np.ndarray | None = None) -> int | None:
-    """Return the number of negative eigenvalues (Sylvester's law of inertia); None if the factorisation breaks down.
-
-    order : coordinates in a good order of elimination, if it is known: to find one is half of the work.
-    """
-    scaled, kind = _scaled(matrix)[0], solver(matrix.shape[0])
-    found = count_negative_pivots(scaled) if kind == "pardiso" else None
+def negative_eigenvalues(matrix: sp.spmatrix) -> int | None:
+    """Return the number of negative eigenvalues, by Sylvester's law of inertia; None if it cannot be told."""
+    scaled = _scaled(matrix)[0]
+    found = count_negative_pivots(scaled) if solver(matrix.shape[0]) == "pardiso" else None
     if found is not None:
         return found
-    factor = SuperLUFactor(scaled, _order(scaled, kind) if order is None else order)
+    factor = SuperLUFactor(scaled)
     return factor.negative_pivots if factor.complete else None
 
 
@@ -151,23 +140,20 @@ def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
 
 
 def solver(n: int) -> str:
-    """Return what factorises n coordinates here: "superlu", "metis" (SuperLU in METIS's order) or "pardiso"."""
-    if n < FEW:
-        return "superlu"
-    return next((name for name, package in PACKAGES.items() if find_spec(package)), "superlu")
+    """Return what factorises n coordinates here: "superlu" or "pardiso"."""
+    return "pardiso" if n >= FEW and find_spec("pymklpardiso") else "superlu"
 
 
 def faster_solver(n: int) -> str | None:
     """Return what would make the factorisation of n coordinates much faster, as a sentence; None if nothing would."""
-    kind, intel = solver(n), sys.platform != "darwin" and platform.machine() in ("x86_64", "AMD64")
-    if n < MANY or kind == "pardiso" or (kind == "metis" and not intel):
+    intel = sys.platform != "darwin" and platform.machine() in ("x86_64", "AMD64")
+    if n < MANY or not intel or solver(n) == "pardiso":
         return None
-    package, better = ("py-mkl-pardiso", "pardiso") if intel else ("pymetis", "metis")
-    taken = {"superlu": "SuperLU", "metis": "SuperLU in METIS's order"}[kind]
+    # of 55,488 coordinates: benchmarks/large_bodies.py
     return (
-        f"{n} coordinates are factorised several times by {taken}, which takes long. `pip install {package}` before "
-        f"makes it faster (measured: 55,000 coordinates of a solid in {SECONDS[better]:g} s in place of "
-        f"{SECONDS[kind]:g} s) and takes less memory; bounds stay the same"
+        f"{n} coordinates are factorised several times by SuperLU, which takes long. `pip install py-mkl-pardiso` "
+        "before makes it faster (measured: 55,000 coordinates of a solid in 2.3 s in place of 17 s) and takes less "
+        "memory; bounds stay the same"
     )
 
 
@@ -180,18 +166,16 @@ def solve_with(matrix: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
 
 
 class SuperLUFactor:
-    """L D L^T without pivoting off the diagonal, coordinates eliminated in `order` (None: minimum degree).
+    """L D L^T without pivoting off the diagonal, coordinates eliminated by minimum degree.
 
     The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Where the
     factorisation breaks down, `complete` is False, the pivots stay zero and nothing can be solved.
     """
 
-    def __init__(self, matrix: sp.csc_matrix, order: np.ndarray | None = None):
-        self._given, self._lu = order, None
+    def __init__(self, matrix: sp.csc_matrix):
         try:
             with enough_memory(matrix):
-                ordered = matrix if order is None else matrix[order][:, order]
-                self._lu = _eliminated(ordered, "MMD_AT_PLUS_A" if order is None else "NATURAL")
+                self._lu = _eliminated(matrix, "MMD_AT_PLUS_A")
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             self.pivots = np.zeros(matrix.shape[0])
 
@@ -220,25 +204,19 @@ class SuperLUFactor:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for many vectors (n, k)."""
-        if self._given is None:
-            return self._lu.solve(np.asfortranarray(right))
-        solution = np.empty(right.shape)
-        solution[self._given] = self._lu.solve(right[self._given])
-        return solution
+        return self._lu.solve(np.asfortranarray(right))
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}."""
-        return self._forward.solve(right[self.order]) / self._root
+        return self._forward.solve(right[self._order]) / self._root
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_A."""
-        return (self._lower.T @ right[self.order]) * self._root
+        return (self._lower.T @ right[self._order]) * self._root
 
     @cached_property
-    def order(self) -> np.ndarray:
-        """Coordinates in the order of their elimination, (n,)."""
-        order = np.argsort(self._lu.perm_r)
-        return order if self._given is None else self._given[order]
+    def _order(self) -> np.ndarray:
+        return np.argsort(self._lu.perm_r)
 
     @cached_property
     def _lower(self) -> sp.csr_matrix:
@@ -252,28 +230,6 @@ class SuperLUFactor:
     @cached_property
     def _root(self) -> np.ndarray:
         return np.sqrt(self.pivots)[:, None]
-
-
-def _order(matrix: sp.csc_matrix, kind: str) -> np.ndarray | None:
-    """Order of elimination by METIS's nested dissection, where it is installed; None: SuperLU finds its own."""
-    if kind == "superlu" or not find_spec("pymetis"):
-        return None
-    from pymetis import CSRAdjacency, nested_dissection
-
-    graph = neighbours(matrix)
-    return np.asarray(nested_dissection(CSRAdjacency(graph.indptr, graph.indices))[0])
-
-
-def neighbours(matrix: sp.csc_matrix) -> sp.csr_matrix:
-    """Return which coordinates stand in one entry: symmetric, without a diagonal.
-
-    METIS crashes on graphs that are not symmetric, and rounding may leave a zero on one side of the diagonal alone.
-    """
-    there = matrix.tocoo()
-    off = (there.row != there.col) & (there.data != 0)
-    pairs = there.row[off], there.col[off]
-    pattern = sp.csr_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=matrix.shape)
-    return sp.csr_matrix(pattern + pattern.T)
 
 
 def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:

@@ -103,7 +103,7 @@ class AuxiliaryModes:
         highest = float(np.sqrt(np.max(np.abs(squares))))
         if highest <= body.modes(known).cut:
             return known
-        found = count_below(body.M, body.K, highest, body.stiffness_factor.order)
+        found = count_below(body.M, body.K, highest)
         if found > LARGEST_CAP:
             self.ringing_note = (
                 f"the reduced body rings in {found} modes of the full one, and 'auto' follows {LARGEST_CAP}: bounds "

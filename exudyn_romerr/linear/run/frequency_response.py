@@ -192,7 +192,7 @@ def frequency_response(
 def _mode_count(body: ElasticBody, highest: float) -> int:
     """Modes up to ABOVE times the highest frequency (rad/s), as far as they may be."""
     least = max(AUTO_WITHOUT_OUTPUTS, body.modal.count if body.modal else 0)
-    found = count_below(body.M, body.K, ABOVE * highest, body.stiffness_factor.order) if highest else 0
+    found = count_below(body.M, body.K, ABOVE * highest) if highest else 0
     return min(max(min(found, LARGEST_CAP), least), body.free.size)
 
 

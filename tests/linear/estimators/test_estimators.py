@@ -147,15 +147,13 @@ def test_split_leaves_the_modes_above(m):
 
 
 @pytest.mark.parametrize("gone", [0, 3, 7])
-def test_a_missed_mode_is_found_and_named(gone):
+def test_a_missed_mode_is_found(gone):
     full = model("pencil", "none", 4)
     modes = full.body.modes(8)
     check_no_mode_missed(full.body.M, full.body.K, modes)
     left = np.delete(np.arange(8), gone)
     lacking = replace(modes, omega=modes.omega[left], shapes=modes.shapes[:, left])
-    lower = modes.omega[gone - 1] if gone else 0.0
-    upper = modes.omega[gone + 1] if gone < 7 else modes.cut
-    with pytest.raises(AssumptionError, match=f"between {lower:.6g} and {upper:.6g} rad/s"):
+    with pytest.raises(AssumptionError, match=f"1 of the modes below {modes.cut:.6g} rad/s are missing"):
         check_no_mode_missed(full.body.M, full.body.K, lacking)
 
 
