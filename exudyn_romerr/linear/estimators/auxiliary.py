@@ -70,7 +70,7 @@ class Auxiliary(Energy):
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
-        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g.T, g_jump.T, states, inexact)
+        return self._bounds(block.c[:, -1], self.norm_static(block.c[:, -1]), g.T, g_jump.T, states, inexact)
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -93,9 +93,9 @@ class Auxiliary(Energy):
         self._given = z, static, g, g_jump, states, inexact
         d_K, d_M, v_M = smallest(self.bounds, g.T)
         eta, eta_t = states[:, 0], states[:, 1]
-        known = np.where(self.sizes.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
-        omega = np.where(self.sizes.velocity_rows[:, None], self.oscillators.omega, 1.0)
-        slack = self.sizes.share(d_K, v_M) + inexact @ (np.abs(self.CP) * omega).T
+        known = np.where(self.rows.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
+        omega = np.where(self.rows.velocity_rows[:, None], self.oscillators.omega, 1.0)
+        slack = self.rows.share(d_K, v_M) + inexact @ (np.abs(self.CP) * omega).T
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         velocity = np.hypot(row_norms(eta_t), v_M) + row_norms(inexact * self.oscillators.omega)
         return Bounds(position, velocity, np.abs(known) + slack, self._jumped(g_jump), known, slack)

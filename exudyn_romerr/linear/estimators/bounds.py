@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.outputs import View
-from ..residual.dual_norms import OutputNorms
 
 
 @dataclass(frozen=True)
@@ -59,21 +58,18 @@ class Worst(NamedTuple):
 class Estimator:
     """Bounds of the error of one trajectory, segment by segment.
 
-    1. It is made from a Problem, once: full-size work is done there, small arrays are kept.
+    1. It is made from a Problem, once: full-size work is done there.
     2. The one that was made is never run: each stream of a run starts a copy.copy of it. What changes along a run is
        hence replaced, not changed in place, or __copy__ says what else is to be copied.
-    3. start comes first, then advance with blocks that follow one another without a gap, the first from Start.t on. A
-       run that goes on from another takes a copy of its estimator, and no start.
-    4. Start and Block are complete when they come: turn is set where the scene has such. They
-       belong to all estimators and are not changed.
-    5. Bounds hold at the ends of segments, and are never nan: inf where there is no bound. They are those of exact
-       arithmetic; a run adds what rounding of its input may do. An estimator adds the rounding of its own sums.
+    3. start(Start) comes first, then advance(Block) with blocks that follow one another without a gap; a run that
+       goes on from another takes a copy of its estimator, and no start. Both return Bounds, at the first instant and
+       at the ends of a block's segments, by _bounds, which keeps what it is given.
+    4. Start and Block belong to all estimators and are not changed.
+    5. Bounds are never nan: inf where there is no bound. They are those of exact arithmetic; a run adds what rounding
+       of its input may do, an estimator the rounding of its own sums.
     6. instant and bounds_at serve other outputs at one instant, as at every mesh node: the instant of one estimator
        is given to another, made from the same problem with other displacements as outputs. It is asked for once after
-       start and each advance, is small, and no view of what was made for a block: that is let go with the block.
-
-    start(Start) and advance(Block) return the Bounds at the first instant, and at the ends of a block's segments, by
-    _bounds, which keeps what it is given.
+       start and each advance, is small, and no view of what was made for a block.
 
     Attributes
     ----------
@@ -93,32 +89,6 @@ class Estimator:
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
-
-
-class OutputSizes(NamedTuple):
-    """|C|_{K^-1} and |C|_{M^-1} (R,) of output rows, and which of them are velocities."""
-
-    C_K: np.ndarray
-    C_M: np.ndarray
-    velocity_rows: np.ndarray
-
-    @classmethod
-    def of(cls, rows: OutputNorms) -> OutputSizes:
-        """Take them of norms of the rows."""
-        return cls(rows.C_K, rows.C_M, rows.velocity_rows)
-
-    def share(self, d_K: np.ndarray, v_M: np.ndarray) -> np.ndarray:
-        """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows, (S, R)."""
-        share, velocity = times(d_K, self.C_K), self.velocity_rows
-        return np.where(velocity, times(v_M, self.C_M), share) if velocity.any() else share
-
-
-def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
-    """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""
-    seen = constants > 0
-    product = np.zeros((len(bound), len(constants)))
-    product[:, seen] = np.outer(bound, constants[seen])
-    return product
 
 
 def of_output(bounds: Bounds, part: slice, view: View | None, frame: np.ndarray) -> Bounds:

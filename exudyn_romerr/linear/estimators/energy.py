@@ -12,7 +12,7 @@ from ..residual.decay_rates import DecayRate, body_rates
 from ..residual.dual_norms import DualNorms, OutputNorms
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, Estimator, OutputSizes
+from .bounds import Bounds, Estimator
 
 
 class Energy(Estimator):
@@ -34,8 +34,9 @@ class Energy(Estimator):
         """Take what is bounded: R and outputs as they are, or the rest of both above auxiliary modes."""
         self.rates, self.smooth = rates, Smooth.of(problem.body, rates)
         self.bounds = [*rates, *([] if self.smooth is None else [self.smooth.bound])]  # what follows from rows of g
+        self.has_jumps = np.size(problem.options.jumps) > 0
         self.norm, self.norm_static, self.start_norms = norms.norm_K, norms.norm_static, norms.start_norms
-        self.static_rows, self.sizes = rows.static_rows, OutputSizes.of(rows)
+        self.static_rows, self.rows = rows.static_rows, rows
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -52,8 +53,8 @@ class Energy(Estimator):
         else:
             w = start.y0.copy()
             w[: len(start.z)] += start.z
-            norms, r = self.start_norms, np.array([rate.r for rate in self.bounds])
-            d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
+            r, (norm_K, norm_static, norm_M) = np.array([rate.r for rate in self.bounds]), self.start_norms
+            d_K, d_M, v_M = float(norm_K(w)), float(norm_static(w)), float(norm_M(start.y0_t))
             g = np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * r * d_M)))
         self.g, self.g_jump, self.before = g, np.zeros(len(g)), start.z
         self.smooth = None if self.smooth is None else Smooth(self.smooth.bound, float(g[-1]))
@@ -65,7 +66,7 @@ class Energy(Estimator):
         if inside is not None:
             static, d_M, v_M = inside
             self.inside = static + d_M, v_M
-        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), g.T, g_jump.T)
+        return self._bounds(block.c[:, -1], self.norm_static(block.c[:, -1]), g.T, g_jump.T)
 
     def _grown(self, block: Block) -> tuple[np.ndarray, np.ndarray, tuple | None]:
         """Let g grow; return g and g_jump (rows, S) at the ends of segments.
@@ -87,7 +88,7 @@ class Energy(Estimator):
 
     def _inside(self, block: Block, varied: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Largest |K^-1 R|_M, |d|_M and |e'|_M within segments, in which R varies by `varied` (S,)."""
-        static = np.append(self.norm_static(self.before), block.norms_at_ends(self.norm_static))
+        static = np.append(self.norm_static(self.before), self.norm_static(block.c[:, -1]))
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
         start = np.hstack([self.g[: len(g), None], g[:, :-1]])
         return np.maximum(static[:-1], static[1:]) + per_mass * varied, *smallest(self.rates, start + varied)[1:]
@@ -97,14 +98,14 @@ class Energy(Estimator):
         self._given = z, static, g, g_jump
         d_K, d_M, v_M = smallest(self.bounds, g.T)
         known = np.abs(z @ self.static_rows.T)
-        return Bounds(static + d_M, v_M, known + self.sizes.share(d_K, v_M), self._jumped(g_jump))
+        return Bounds(static + d_M, v_M, known + self.rows.share(d_K, v_M), self._jumped(g_jump))
 
     def _jumped(self, g_jump: np.ndarray) -> np.ndarray | None:
-        """What load jumps made of the bounds of outputs; None: there were none."""
-        if not g_jump.any():
+        """What load jumps made of the bounds of outputs; None: none may come."""
+        if not self.has_jumps:
             return None
         d_K, _, v_M = smallest(self.bounds, g_jump.T)
-        return self.sizes.share(d_K, v_M)
+        return self.rows.share(d_K, v_M)
 
 
 class StaticError(Estimator):
@@ -113,8 +114,7 @@ class StaticError(Estimator):
     assumes = "static equilibrium at every load step (exact, no estimate)"
 
     def __init__(self, problem: Problem):
-        self.norm = problem.dual.norm_static
-        self.rows = problem.rows.static_rows
+        self.norm, self.static_rows = problem.dual.norm_static, problem.rows.static_rows
 
     def start(self, start: Start) -> Bounds:
         """Return the errors at the first load step."""
@@ -125,7 +125,7 @@ class StaticError(Estimator):
         return self._bounds(block.c[:, -1])
 
     def _bounds(self, z: np.ndarray) -> Bounds:
-        self._given, known = (z,), -(z @ self.rows.T)
+        self._given, known = (z,), -(z @ self.static_rows.T)
         return Bounds(self.norm(z), np.zeros(len(z)), np.abs(known), None, known, np.zeros_like(known))
 
 

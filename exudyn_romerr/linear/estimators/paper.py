@@ -6,10 +6,11 @@ import numpy as np
 
 from ...linalg import oscillator
 from ...linalg.blocked_products import decaying_sums
+from ..residual.dual_norms import times
 from ..residual.kernels import LagTable
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, Estimator, times
+from .bounds import Bounds, Estimator
 
 
 class MassNormEstimator(Estimator):
@@ -24,16 +25,15 @@ class MassNormEstimator(Estimator):
 
     def __init__(self, problem: Problem):
         self.norm = problem.dual.norm_M
-        self.C2 = problem.rows.C_M
-        self.velocity_rows = problem.rows.velocity_rows
-        self._start_norms = problem.dual.start_norms
+        self.C2, self.velocity_rows = problem.rows.C_M, problem.rows.velocity_rows
+        self.start_norms = problem.dual.start_norms
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.t0, self.integral, self.initial = start.t, 0.0, (0.0, 0.0, 0.0)
         if start.y0 is not None:
-            norms = self._start_norms
-            self.initial = float(norms.static(start.y0)), float(norms.K(start.y0)), float(norms.M(start.y0_t))
+            norm_K, norm_static, norm_M = self.start_norms
+            self.initial = float(norm_static(start.y0)), float(norm_K(start.y0)), float(norm_M(start.y0_t))
         return self._bounds(*self._state_bounds(np.zeros(1), np.zeros(1), None))
 
     def advance(self, block: Block) -> Bounds:

@@ -11,7 +11,6 @@ from ...model.body import ElasticBody
 from ...model.matrix_checks import DOUBLE
 from ..residual.problem import Problem
 from ..residual.samples import Samples
-from .bounds import OutputSizes
 
 
 class Rounded(NamedTuple):
@@ -65,7 +64,7 @@ class RoundOff:
             ("u", eps["inputs"], lambda: abs(problem.B)),
         )
         self.others = [(x, e, np.linalg.norm(norm(make()), axis=0)) for x, e, make in others if e > DOUBLE]
-        self.sizes = OutputSizes.of(problem.rows)
+        self.rows = problem.rows
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.rows.C @ problem.V)
 
     def of_equilibrium(self, u: np.ndarray) -> np.ndarray:
@@ -82,8 +81,8 @@ class RoundOff:
         r = self.eps_K * np.maximum(q @ self.of_K, own)
         for name, eps, sizes in self.others:
             r += eps * (np.abs(getattr(at, name)) @ sizes)
-        values = np.where(self.sizes.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
-        return Rounded(r * self.per_mass, r, self.sizes.share(r, r) + values)
+        values = np.where(self.rows.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
+        return Rounded(r * self.per_mass, r, self.rows.share(r, r) + values)
 
     def in_balance(self, q: np.ndarray) -> float:
         """Return what rounding leaves of W^T R = 0 at most, in any mode, at samples q (S, n)."""

@@ -10,7 +10,7 @@ from ...linalg.blocked_products import decaying_sums
 from ..residual.decay_rates import body_rates
 from ..residual.problem import Problem
 from ..residual.segments import Block, Start
-from .bounds import Bounds, Estimator, OutputSizes
+from .bounds import Bounds, Estimator
 from .energy import smallest
 
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
@@ -36,7 +36,7 @@ class Turning(Estimator):
         self._r, self._per_mass = (
             np.array(x)[:, None] for x in zip(*((e.r, e.per_mass) for e in self.rates), strict=True)
         )
-        self.sizes = OutputSizes.of(problem.rows)
+        self.rows = problem.rows
         self.g = [0.0] * len(self.rates)
 
     def __copy__(self) -> Turning:
@@ -65,7 +65,7 @@ class Turning(Estimator):
         with np.errstate(over="ignore"):  # inf is the right answer there
             self._seen = seen = g / np.sqrt(left)
             d_K, d_M, v_M = smallest(self.rates, seen)
-            return bounds.widened(d_M, v_M, self.sizes.share(d_K, v_M))
+            return bounds.widened(d_M, v_M, self.rows.share(d_K, v_M))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -75,7 +75,7 @@ class Turning(Estimator):
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         inner, seen = instant
         d_K, d_M, v_M = smallest(self.rates, seen)
-        return self.estimator.bounds_at(inner).widened(d_M, v_M, self.sizes.share(d_K, v_M))
+        return self.estimator.bounds_at(inner).widened(d_M, v_M, self.rows.share(d_K, v_M))
 
     def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
         """|F|_{M^-1} (S,), its largest value in every segment."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...linalg.blocked_products import by_columns
 from ...model.body import ElasticBody
-from .residual import ResidualMap, StartNorms, make_norm
+from .residual import ResidualMap, make_norm
 
 
 class DualNorms:
@@ -69,10 +69,10 @@ class DualNorms:
     norm_K = cached_property(lambda self: make_norm(self.kind, self.Y_K))
     norm_static = cached_property(lambda self: make_norm(self.kind, self.Y_static))
 
-    @cached_property
-    def start_norms(self) -> StartNorms | None:
-        """Norms of an initial error; None if there is none."""
-        return StartNorms(self.norm_K, self.norm_static, self.norm_M) if self.has_initial_error else None
+    @property
+    def start_norms(self) -> tuple[Callable, Callable, Callable] | None:
+        """norm_K, norm_static and norm_M, for an initial error; None if there is none."""
+        return (self.norm_K, self.norm_static, self.norm_M) if self.has_initial_error else None
 
 
 class OutputNorms:
@@ -113,3 +113,16 @@ class OutputNorms:
     def of_displacements(self, rows: np.ndarray) -> np.ndarray:
         """Return rows (R, k) with those of velocity outputs zero."""
         return np.where(self.velocity_rows[:, None], 0.0, rows)
+
+    def share(self, d_K: np.ndarray, v_M: np.ndarray) -> np.ndarray:
+        """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows, (S, R)."""
+        share, velocity = times(d_K, self.C_K), self.velocity_rows
+        return np.where(velocity, times(v_M, self.C_M), share) if velocity.any() else share
+
+
+def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""
+    seen = constants > 0
+    product = np.zeros((len(bound), len(constants)))
+    product[:, seen] = np.outer(bound, constants[seen])
+    return product

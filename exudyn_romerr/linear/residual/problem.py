@@ -18,7 +18,7 @@ from ...checks import check_array, check_choice, check_type
 from ...errors import InputError
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs, precision
-from ...model.outputs import Output, StackedRows, stacked_rows
+from ...model.outputs import Output, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
 from .kernels import KERNELS, Kernel, make_kernel
 from .modal_split import AuxiliaryModes, Split
@@ -26,13 +26,9 @@ from .residual import RESIDUALS, ResidualMap
 
 
 class Deferred(NamedTuple):
-    """Inputs that are made when they are needed, and not kept: of a large body they take much memory.
-
-    made_of : what tells them apart, beside the body and its basis.
-    """
+    """Inputs that are made when they are needed, and not kept: of a large body they take much memory."""
 
     make: Callable[[], Any]
-    made_of: tuple[Any, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,30 +73,20 @@ class Problem:
         check_type("basis", basis, Basis)
         check_choice("residual", options.residual, RESIDUALS)
         check_choice("kernels", options.kernels, KERNELS)
-        # without what may hold the fem, which a problem that is kept beside the body would let live for ever
-        self.body, self.options = body, replace(options, inputs=None, input_function=None, outputs=())
+        self.body, self.basis, self.options = body, basis, replace(options, inputs=None)
         self.V, self.W = basis.restricted_to(body)
         inputs = options.inputs.make() if isinstance(options.inputs, Deferred) else options.inputs
         self.precision = precision(inputs)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = ResidualMap(body, self.V, self.B, merged=options.residual != "expanded")
-        C, velocity_rows, _ = self._name(basis, options.outputs)
+        self.outputs = tuple(checked_outputs(options.outputs))
+        C, velocity_rows, self.slices = stacked_rows(self.outputs, body)
+        self.views = tuple(out.view(body) for out in self.outputs)
+        sizes = [part.stop - part.start for part in self.slices]
+        self.rows_precision = np.repeat([precision(out.rows) for out in self.outputs], sizes)
         self.initial_state = _checked_initial(options.initial, body)
         self.dual = DualNorms(self.map, self.initial_state, options.residual, self.has_initial_error)
         self.rows = OutputNorms(body, C, velocity_rows, self.dual)
-
-    def _name(self, basis: Basis, outputs: Sequence[Output]) -> StackedRows:
-        rows = stacked_rows(checked_outputs(outputs), self.body)
-        self.basis, self.outputs, self.slices = basis, tuple(outputs), rows.slices
-        self.views = tuple(out.view(self.body) for out in outputs)
-        self.rows_precision = np.repeat([precision(out.rows) for out in outputs], [x.stop - x.start for x in rows[2]])
-        return rows
-
-    def renamed(self, basis: Basis, outputs: Sequence[Output]) -> Problem:
-        """Return the same problem with a basis and outputs of the same numbers, which may have other names."""
-        other = copy.copy(self)
-        other._name(basis, outputs)
-        return other
 
     @property
     def has_initial_error(self) -> bool:

@@ -67,7 +67,7 @@ class Linear(Segmenter):
     def _smooth(self, s: Samples) -> Block:
         z = self.layout(s.q, s.q_t, s.q_tt, s.u)
         missed = np.zeros((2, len(z) - 1, self.layout.p))
-        return Block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), *missed, chain=z)
+        return Block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), *missed)
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # every jump moves z by dz; without the jumps z is a straight line

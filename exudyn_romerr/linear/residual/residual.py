@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -125,14 +125,6 @@ def expanded_norm(Y: np.ndarray) -> Callable:
 
 
 RESIDUALS = {"orthonormal": OrthonormalNorm, "direct": direct_norm, "expanded": expanded_norm}
-
-
-class StartNorms(NamedTuple):
-    """z -> |R|_{K^-1}, |K^-1 R|_M and |R|_{M^-1}, taken of combinations of columns that make an initial error."""
-
-    K: Callable
-    static: Callable
-    M: Callable
 
 
 def make_norm(name: str, Y: np.ndarray) -> Callable:

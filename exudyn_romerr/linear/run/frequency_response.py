@@ -7,35 +7,30 @@ Modes of the full body answer to the residual, and the rest is bounded.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...basis.basis import Basis
 from ...checks import check_array, check_type, real_array
-from ...errors import InputError
-from ...linalg.eigenmodes import GAP, count_below
+from ...errors import AssumptionError, InputError
+from ...linalg.eigenmodes import count_below
 from ...model.body import ElasticBody
 from ...model.outputs import Output
 from ...process.blas_threads import one_thread
 from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
 from ..estimators.round_off import RoundOff, of_input
-from ..residual.decay_rates import is_symmetric, smallest_rate
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP, above
 from ..residual.problem import BoundOptions, Problem
-from ..residual.residual import OrthonormalNorm
 
 ABOVE = 2.0  # times the highest frequency: what modes that ring there or below answer is known with its phase
 RINGING = "the reduced body is in resonance: it has no response"
 ROUNDED = 8  # times: what sums of some hundred terms are off by, as in "auxiliary"
 RESONANCE = "resonance: the frequency is an eigenfrequency of the undamped body, to the digits that this is known in"
 TOO_HIGH = "the undamped body has eigenfrequencies there that are not among the {} modes that are computed"
-GYROSCOPIC = "damping that is not symmetric (gyroscopic): nothing is proved of it"
-UNDAMPED_MOTIONS = "above the lowest eigenfrequency, and the damping matrix leaves some motions undamped"
 
 
 @dataclass(frozen=True)
@@ -143,17 +138,18 @@ def frequency_response(
     Returns
     -------
     FrequencyResponse
-        Bounds are inf, with the reason, at eigenfrequencies of an undamped body; above the 200th mode of one; with a
-        damping matrix that is not symmetric, or leaves some motion undamped, there above the lowest eigenfrequency.
+        Bounds are inf, with the reason, at eigenfrequencies of an undamped body, and above the 200th mode of one.
 
     Raises
     ------
     InputError
         Shapes, nan or inf, frequencies below zero, an output in global axes.
+    AssumptionError
+        A damping matrix.
 
     Notes
     -----
-    Source: docs/theory.md 12. Does not cover: bodies in moving frames, structural (hysteretic) damping.
+    Source: docs/theory.md 12. Does not cover: bodies in moving frames, damping matrices, structural damping.
     """
     check_type("body", body, ElasticBody)
     check_type("output", output, Output)
@@ -163,6 +159,11 @@ def frequency_response(
     if not w.size or np.any(w < 0):
         found = f"has {w.min():g}" if w.size else "is empty"
         raise InputError(f"frequencies {found}; needed: at least one, none below zero, in rad/s")
+    if body.proportional is None:
+        raise AssumptionError(
+            "frequency_response needs Rayleigh damping, ratios by mode or none; found a damping matrix, bounds of "
+            "which are too large to tell anything. Compare with a basis of more columns"
+        )
     modes = _mode_count(body, w.max())
     problem = Problem(body, basis, BoundOptions(inputs=input, outputs=[output], auxiliary_modes=modes))
     q, ringing = _reduced(problem, w)
@@ -173,10 +174,9 @@ def frequency_response(
     motion = SimpleNamespace(q=q, q_t=iw * q, q_tt=iw**2 * q, u=u)
     rounding = RoundOff(problem, of_input(problem, 0.0)[0])
     r = ROUNDED * rounding(motion, rounding.of_equilibrium(u)).velocity
-    estimator = (AnyDamping if body.proportional is None else ProportionalDamping)(problem)
-    errors = estimator(at, problem.map.coordinates(q, iw * q, iw**2 * q, u), r)
-    reasons = np.where(ringing, RINGING, errors.reasons.reshape(F, p)[:, 0])
-    slack = np.where(np.repeat(reasons == "", p)[:, None], errors.slack + np.abs(q) @ rounding.value_rows.T, np.inf)
+    errors, left, why = ProportionalDamping(problem)(at, problem.map.coordinates(q, iw * q, iw**2 * q, u), r)
+    reasons = np.where(ringing, RINGING, why.reshape(F, p)[:, 0])
+    slack = np.where(np.repeat(reasons == "", p)[:, None], left + np.abs(q) @ rounding.value_rows.T, np.inf)
     factor = iw if output.of == "velocity" else np.ones_like(iw)  # a velocity is i w times a displacement
 
     def shaped(x: np.ndarray, factor: np.ndarray) -> np.ndarray:
@@ -185,8 +185,8 @@ def frequency_response(
         return x.reshape(F, p, -1).transpose(0, 2, 1)
 
     value = shaped(q @ (problem.rows.C @ problem.V).T, factor)
-    bound = shaped(np.abs(errors.known) + slack, np.abs(factor))
-    return FrequencyResponse(w, value, shaped(errors.known, factor), bound, tuple(reasons.tolist()), output)
+    bound = shaped(np.abs(errors) + slack, np.abs(factor))
+    return FrequencyResponse(w, value, shaped(errors, factor), bound, tuple(reasons.tolist()), output)
 
 
 def _mode_count(body: ElasticBody, highest: float) -> int:
@@ -197,24 +197,20 @@ def _mode_count(body: ElasticBody, highest: float) -> int:
 
 
 def _reduced(problem: Problem, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reduced responses q (F, p, n) to all inputs, and whether there is none (F,): q is then zero."""
+    """Reduced responses q (F, p, n) to all inputs, and where there is none, in resonance (F,): q is then zero."""
     body, V, W = problem.body, problem.V, problem.W
     M, K, B = W.T @ (body.M @ V), W.T @ (body.K @ V), np.asarray(W.T @ problem.B)
     D = np.zeros_like(M) if body.D is None else W.T @ (body.D @ V)
-    q = np.array([solved(K + 1j * x * D - x**2 * M, B.astype(complex)).T for x in w.tolist()])
+    q = np.array([_solved(K + 1j * x * D - x**2 * M, B.astype(complex)).T for x in w.tolist()])
     ringing = ~np.isfinite(q).all(axis=(1, 2))
     return np.where(ringing[:, None, None], 0.0, q), ringing
 
 
-class Errors(NamedTuple):
-    """Of S responses: known (S, R) complex, the error as far as it is known; slack (S, R), of what is not, at most.
-
-    reasons : of every response, why slack is inf; "" where it is not. Velocities are not yet multiplied by i w.
-    """
-
-    known: np.ndarray
-    slack: np.ndarray
-    reasons: np.ndarray
+def _solved(stiffness: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    try:
+        return np.linalg.solve(stiffness, forces)
+    except np.linalg.LinAlgError:
+        return np.full(forces.shape, np.inf, dtype=complex)
 
 
 class ProportionalDamping:
@@ -237,8 +233,11 @@ class ProportionalDamping:
         eps = ROUNDED * body.precision["stiffness"]
         self.inexact = modes.residual + eps * np.linalg.norm(rounded, axis=0) / modes.omega
 
-    def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> Errors:
-        """Return errors at w (S,) in rad/s; z (S, k) complex; r (S,): |R|_{K^-1} that rounding may hide."""
+    def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return errors of displacements at w (S,) in rad/s: what is known, of what is not at most, each (S, R).
+
+        And why that is inf, "" where it is not (S,). z (S, k) complex; r (S,): |R|_{K^-1} that rounding may hide.
+        """
         kappa = 1 + 1j * w * self.rayleigh[1]
         of_K = np.abs(kappa)
         with np.errstate(divide="ignore", invalid="ignore"):  # resonances
@@ -249,7 +248,7 @@ class ProportionalDamping:
             gain = self.gain(w)
             rest = 1 / of_K + gain
             largest = np.maximum(rest, amplified.max(axis=1))
-            left = complex_norm(self.norm, z)
+            left = np.hypot(self.norm(z.real), self.norm(z.imag))
             # E = K P - M P Omega^2 makes every mode, and the rest, feel of_K * inexact * |e|_K beside R
             coupled = of_K[:, None] * self.inexact * amplified
             kept = 1 - np.hypot(np.linalg.norm(coupled, axis=1), rest * of_K * np.linalg.norm(self.inexact))
@@ -259,7 +258,7 @@ class ProportionalDamping:
         high, resonant = ~np.isfinite(gain), ~(kept > 0)
         reasons = np.where(high, TOO_HIGH.format(len(self.omega)), np.where(resonant, RESONANCE, ""))
         known[reasons == RESONANCE] = np.inf
-        return Errors(known, np.where((reasons == "")[:, None], slack, np.inf), reasons)
+        return known, np.where((reasons == "")[:, None], slack, np.inf), reasons
 
     def gain(self, w: np.ndarray) -> np.ndarray:
         """Return max |1/kappa - 1/(kappa - (w^2 - i w alpha) s)| over all s = 1/omega^2 <= 1/cut^2, (S,).
@@ -273,59 +272,3 @@ class ProportionalDamping:
         with np.errstate(divide="ignore"):
             y = np.maximum(self.cut**2 / np.abs(c), np.cos(theta))
             return 1 / (np.abs(kappa) * np.hypot(y - np.cos(theta), np.sin(theta)))
-
-
-class AnyDamping:
-    """A damping matrix: C e is about C (P x - K^-1 R), P m undamped modes; what that leaves bounds the rest.
-
-        |C e - known| <= |C|_{K^-1} |R + A (P x - K^-1 R)|_{K^-1} / gamma,
-        gamma^2 = min (1 - w^2 s)^2 + (w mu s)^2 over 0 <= s <= 1/omega_1^2,   D - mu M >= 0
-
-    Symmetric matrices only.
-    """
-
-    def __init__(self, problem: Problem):
-        body, factor = problem.body, problem.body.stiffness_factor
-        modes, L = body.modes(problem.options.auxiliary_modes), problem.map.L
-        P, responses = modes.shapes, factor.solve(L)
-        self.omega, self.lowest = modes.omega, float(modes.omega[0]) * (1 - GAP)
-        self.DP, self.PL, self.CP = P.T @ (body.D @ P), P.T @ L, problem.rows.C @ P
-        columns = [body.M @ P, body.D @ P, body.M @ responses, body.D @ responses]
-        self.norm = OrthonormalNorm(np.hstack([factor.half_multiply(P), *map(factor.half_solve, columns)]))
-        self.static_rows, self.C_K = problem.rows.C @ responses, problem.rows.C_K
-        self.symmetric = is_symmetric(body.D)
-        self.rate = smallest_rate(body) if self.symmetric else 0.0
-
-    def __call__(self, w: np.ndarray, z: np.ndarray, r: np.ndarray) -> Errors:
-        """Return errors as ProportionalDamping does."""
-        squares, forces, iw = self.omega**2, z @ self.PL.T, 1j * w[:, None]
-        stiffness = (np.diag(squares + v**2) + v * self.DP for v in iw[:, 0])
-        x = forces / squares - np.array([solved(*pair) for pair in zip(stiffness, forces, strict=True)])
-        left = complex_norm(self.norm, np.hstack([x, iw**2 * x, iw * x, -(iw**2) * z, -iw * z]))
-        gamma = self.gamma(w)
-        with np.errstate(divide="ignore"):
-            slack = np.outer((left + r) / gamma, self.C_K)
-        why = UNDAMPED_MOTIONS if self.symmetric else GYROSCOPIC
-        return Errors(x @ self.CP.T - z @ self.static_rows.T, slack, np.where(gamma > 0, "", why))
-
-    def gamma(self, w: np.ndarray) -> np.ndarray:
-        """Return the smallest |x^* A x|/|x|_K^2 that is proved, (S,)."""
-        if not self.symmetric:
-            return np.zeros_like(w)
-        most = 1 / self.lowest**2
-        s = np.minimum(1 / np.maximum(w**2 + self.rate**2, 1 / most), most)
-        below = w < self.lowest
-        return np.where(below | (self.rate > 0), np.hypot(1 - w**2 * s, w * self.rate * s), 0.0)
-
-
-def solved(stiffness: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return stiffness^-1 forces; inf where an undamped body is in resonance."""
-    try:
-        return np.linalg.solve(stiffness, forces)
-    except np.linalg.LinAlgError:
-        return np.full(forces.shape, np.inf, dtype=complex)
-
-
-def complex_norm(norm: Callable, z: np.ndarray) -> np.ndarray:
-    """Return the norms (S,) of complex z (S, k), of a norm of real linear maps."""
-    return np.hypot(norm(z.real), norm(z.imag))

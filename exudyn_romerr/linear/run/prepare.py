@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +15,7 @@ from ...errors import AssumptionError, InputError
 from ...linalg.blocked_products import row_norms
 from ...model.body import ElasticBody
 from ...model.matrix_checks import DOUBLE
-from ...model.outputs import View, stacked_rows
-from ...model.shared_body import made_once
+from ...model.outputs import View
 from ...progress import progress
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS
@@ -26,7 +25,7 @@ from ..estimators.round_off import RoundOff, of_input
 from ..estimators.turning_frame import Turning
 from ..residual.input_signal import InputSignal
 from ..residual.interface_stiffening import static_errors
-from ..residual.problem import BoundOptions, Deferred, Problem, checked_outputs
+from ..residual.problem import BoundOptions, Problem
 from ..residual.segments import Start
 from .planning import make_plan
 
@@ -59,7 +58,7 @@ def prepare(
     """
     check_choice("time", options.time, TIMES)
     names = _checked_estimators(options.estimators, body)
-    problem = _made_problem(body, basis, options)
+    problem = Problem(body, basis, options)
     _check_frame(problem, names, options.jumps, scene)
     if "auxiliary" in names:
         _ = problem.split  # first, for it takes most modes: none made twice
@@ -77,13 +76,12 @@ class AtNodes(NamedTuple):
 class Offline:
     """What a run needs of the full model: small arrays; of full size only what is asked for on demand.
 
-    estimators : name -> estimator that starts copies of itself. outputs, slices, views : what is bounded, its rows,
-    how it is seen from outside a moving frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z,
-    for checks, and for wrenches that follow from it. jump_response (n, p): jump of qr'' per jump of u. mass_root (n,
-    n): |V qr|_M = |mass_root qr|. static_errors: see linear/residual/interface_stiffening.py. rounding: of the
+    estimators : name -> estimator that starts copies of itself. shown : of every output itself, its rows, and how it
+    is seen from outside a moving frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z, for
+    checks, and for wrenches that follow from it. jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n):
+    |V qr|_M = |mass_root qr|. static_errors: see linear/residual/interface_stiffening.py. rounding: of the
     computation; input_rounding: of the input, None if all of it has 16 digits; single: names of what has fewer.
     modes: number of auxiliary ones. initial: None, "equilibrium" or "state". notes: what the reader must know.
-    from_static: what a run from the end of a static solve needs.
     """
 
     def __init__(
@@ -97,8 +95,9 @@ class Offline:
     ):
         body, V, W, rows, initial = problem.body, problem.V, problem.W, problem.rows, options.initial
         self._problem, self.signal, self.samples_precision, self.scene = problem, signal, samples_precision, scene
-        self.coordinates, self.outputs, self.slices = problem.map.coordinates, problem.outputs, problem.slices
+        self.coordinates, self.outputs, self._options = problem.map.coordinates, problem.outputs, options
         self.views, blind = _without_sight(problem, scene)
+        self.shown = [*zip(problem.outputs, problem.slices, self.views, strict=True)]
         self.estimators = {name: self._estimator(name, problem) for name in names}
         self.velocity_rows, self.value_rows = rows.velocity_rows, rows.C @ V
         self.balance_rows = problem.map.seen_by(W.T)
@@ -115,8 +114,12 @@ class Offline:
         self.modes = 0 if modes is None else modes.omega.size
         self.notes = tuple(filter(None, [scene.note, modes and modes.ringing_note, blind]))
         self.plan = make_plan(problem, names, options, scene)
-        at_rest, known = replace(options, initial="equilibrium"), {"sampled_inputs": signal is None, "scene": scene}
-        self.from_static = cache(lambda: prepare(body, problem.basis, at_rest, **known))
+
+    @cached_property
+    def from_static(self) -> Offline:
+        """What a run from the end of a static solve needs."""
+        options, sampled, problem = replace(self._options, initial="equilibrium"), self.signal is None, self._problem
+        return prepare(problem.body, problem.basis, options, sampled_inputs=sampled, scene=self.scene)
 
     def _estimator(self, name: str, problem: Problem) -> Any:
         if name == "static":
@@ -202,21 +205,6 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
     if f is not None and not p:
         raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
     return None if sampled and f is None else InputSignal(f, p)
-
-
-def _made_problem(body: ElasticBody, basis: Basis, options: BoundOptions) -> Problem:
-    """Kept where its inputs are made of the body alone, and nothing but R has to be measured."""
-    if not isinstance(options.inputs, Deferred) or options.initial is not None:
-        return Problem(body, basis, options)
-    rows, asked = stacked_rows(checked_outputs(options.outputs), body), [out.is_requested for out in options.outputs]
-    kinds = options.residual, options.kernels, options.auxiliary_modes
-    kept = made_once(
-        body,
-        "residual",
-        (basis.V, basis.W, *options.inputs.made_of, rows.C, rows.velocity, rows.slices, asked, kinds),
-        lambda: Problem(body, basis, options).renamed(basis, ()),  # without outputs, which may know the fem
-    )
-    return kept.renamed(basis, options.outputs)
 
 
 def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float], scene: Scene) -> None:

@@ -34,32 +34,10 @@ class Internal(NamedTuple):
     views: Sequence[View | None]
 
 
+BOUNDS = tuple(field.name for field in fields(Bounds))
 # of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude; where a load is
 # there at once, and stays, it is 0.5 at least; where one grows over three quarters of the longest period, 0.15
 AT_ONCE = 0.25
-
-
-class KeptBounds:
-    """The bounds of one estimator so far."""
-
-    def __init__(self) -> None:
-        self._fields: dict[str, GrowingArray] = {}
-        self.count = 0
-
-    def append(self, bounds: Bounds) -> None:
-        """Add bounds at further instants."""
-        for name, x in vars(bounds).items():
-            if x is not None and name not in self._fields:
-                self._fields[name] = GrowingArray()
-                self._fields[name].append(np.zeros((self.count, *x.shape[1:])))  # no jumps before the first
-            if name in self._fields:
-                self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
-        self.count += len(bounds.outputs)
-
-    def read(self) -> Bounds:
-        """Return all of them."""
-        names = (field.name for field in fields(Bounds))
-        return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
 
 
 class Stream:
@@ -71,7 +49,7 @@ class Stream:
     def __init__(self, estimators: Mapping[str, Any], only_outputs: bool = False):
         self._only_outputs = only_outputs
         self.estimators: dict[str, Any] = {name: copy.copy(e) for name, e in estimators.items()}
-        self._kept = {name: KeptBounds() for name in estimators}
+        self._kept: dict[str, dict[str, GrowingArray]] = {name: {} for name in estimators}
         self.worst: dict[str, Worst] = {}
 
     def start(self, start: Start, *widenings: tuple) -> None:
@@ -82,8 +60,8 @@ class Stream:
     def go_on(self, before: Stream) -> None:
         """Begin where another stream ended."""
         self.estimators = {name: copy.copy(e) for name, e in before.estimators.items()}
-        for name, kept in before._kept.items():
-            self._kept[name].append(kept.read().at(slice(-1, None)))
+        for name, bounds in before.bounds().items():
+            self._keep(name, bounds.at(slice(-1, None)))
 
     def advance(self, block: Block, step_end: np.ndarray | slice, *widenings: tuple) -> None:
         """Take a block; step_end: index of the segment that ends each step.
@@ -93,24 +71,26 @@ class Stream:
         for name, e in self.estimators.items():
             self._remember(name, e, e.advance(block), step_end, widenings)
 
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of every estimator so far."""
+        found = {name: {x: rows.read() for x, rows in kept.items()} for name, kept in self._kept.items()}
+        return {name: Bounds(*map(of.get, BOUNDS)) for name, of in found.items()}
+
     def _remember(self, name: str, e: Estimator, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
-        kept, at_ends = self._kept[name], bounds.at(ends)
+        at_ends = bounds.at(ends)
         for widening in widenings:
             at_ends = at_ends.widened(*widening)
         i = int(np.argmax(at_ends.position))
         instant = e.instant(np.arange(len(bounds.position))[ends][i])  # lets go of the block, needed or not
         if name not in self.worst or at_ends.position[i] > self.worst[name].position:
-            widened = sum(float(np.max(position)) for position, *_ in widenings)
-            self.worst[name] = Worst(at_ends.position[i], kept.count + i, instant, widened)
-        kept.append(at_ends.of_outputs() if self._only_outputs else at_ends)
+            kept, widened = self._kept[name].get("outputs", ()), sum(float(np.max(x)) for x, *_ in widenings)
+            self.worst[name] = Worst(at_ends.position[i], len(kept) + i, instant, widened)
+        self._keep(name, at_ends.of_outputs() if self._only_outputs else at_ends)
 
-    def last(self, count: int) -> list[Bounds]:
-        """Return the bounds of all estimators at the last instants."""
-        return [kept.read().at(slice(-count, None)) for kept in self._kept.values()]
-
-    def bounds(self) -> dict[str, Bounds]:
-        """Return the bounds of every estimator so far."""
-        return {name: kept.read() for name, kept in self._kept.items()}
+    def _keep(self, name: str, bounds: Bounds) -> None:
+        for x in BOUNDS:
+            if (rows := getattr(bounds, x)) is not None:
+                self._kept[name].setdefault(x, GrowingArray()).append(rows)
 
 
 class RunRecord:
@@ -131,12 +111,12 @@ class RunRecord:
     def __init__(self, offline: Offline, solver: SolverFacts, tolerances: dict[str, float] | None, is_static: bool):
         self.offline, self.solver, self.tolerances, self.is_static = offline, solver, tolerances or {}, is_static
         self.messages: list[str] = []
-        self._kept = {name: GrowingArray() for name in ("t", "values", "round_off", "frames", "sizes", "static")}
+        # "t" last: what is longer is of samples whose bounds failed in part
+        self._kept = {name: GrowingArray() for name in ("values", "round_off", "frames", "sizes", "static", "t")}
         # time and q where the bound of |e|_M by an estimator is largest: of all samples q would be long
         self._worst: dict[str, tuple[float, np.ndarray]] = {}
         self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
-        self._balance, self._settled = Balance(offline), slice(None)
-        self._streams: dict[str, Stream] = {}
+        self._balance, self._streams = Balance(offline), dict[str, Stream]()
 
     @property
     def _total(self) -> Stream:
@@ -146,18 +126,14 @@ class RunRecord:
         """Keep further samples, whose bounds are there; rounded: what rounding of the computation may move."""
         offline, root, first = self.offline, self.offline.mass_root.T, len(self._kept["t"])
         rounded = offline.input_rounding(new, self._own) if offline.input_rounding else rounded
-        found = {
-            "t": new.t,
-            "values": offline.outputs_of(new.q, new.q_t),
-            "round_off": rounded.outputs,
-            "sizes": np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1),
-        }
+        found = {"values": offline.outputs_of(new.q, new.q_t), "round_off": rounded.outputs}
+        if any(offline.views):  # outputs in global axes
+            found["frames"] = new.frame
+        found["sizes"] = np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1)
         if offline.static_errors is not None:
             z = offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
             found["static"] = np.einsum("sk,erk->ser", z, offline.static_errors, optimize=True)
-        if any(offline.views):  # outputs in global axes
-            found["frames"] = new.frame
-        for name, rows in found.items():
+        for name, rows in (found | {"t": new.t}).items():
             self._kept[name].append(rows)
         for name, worst in self._total.worst.items():
             if worst.sample >= first:
@@ -165,32 +141,23 @@ class RunRecord:
         self.last = new.part(slice(-1, None)).copy()  # or all of a block are kept
 
     def kept(self, name: str) -> np.ndarray:
-        """Return what is kept of the samples that count.
+        """Return what is kept of the samples.
 
         "t" (T,); "values" (T, R), outputs of the reduced body; "round_off" (T, R), what rounding of the input may
         move these by; "frames" (T, 24) or (0,), motion of the frame if outputs need it; "sizes" (T, 2), |V qr|_M and
         |V qr''|_M; "static" (T, 2, R), see linear/residual/interface_stiffening.py, (0,) if no interface is rigid.
         """
-        return self._kept[name].read()[self._settled]
+        return self._kept[name].read()[: len(self._kept["t"])]
 
     @property
     def times(self) -> np.ndarray:
-        """Times (T,) of the samples that count."""
+        """Times (T,) of the samples."""
         return self.kept("t")
-
-    def settle(self) -> None:
-        """Let only the samples so far count: later ones may be bounded in part when something fails."""
-        self._settled = slice(len(self._kept["t"]))
 
     @property
     def time(self) -> str:
         """What the bounds cover of time, "reconstructed", "sampled", or "static"."""
         return "static" if self.is_static else self.offline.time
-
-    @property
-    def defect(self) -> float:
-        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
-        return self._balance.share(self.solver.floor)
 
     def doubts(self) -> tuple[Doubt, ...]:
         """Return why no bound so far is certified; empty: the run is balanced, and they hold from its start on."""
@@ -198,19 +165,20 @@ class RunRecord:
 
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
+        there = slice(len(self.times))
         found = {
-            name: {e: b.at(self._settled) for e, b in stream.bounds().items()}
+            name: {e: bounds.at(there) for e, bounds in stream.bounds().items()}
             for name, stream in self._streams.items()
         }
         return {"total": found["reduction"], **found}
 
     def best_of_last(self, count: int) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (count, r) at the last steps given."""
-        frames, last = self._kept["frames"].read()[-count:], self._total.last(count)
-        shown = zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True)
+        frames = self._kept["frames"].read()[-count:]
+        last = [bounds.at(slice(-count, None)) for bounds in self._total.bounds().values()]
         return {
             out.name: np.min([of_output(bounds, part, view, frames).outputs for bounds in last], axis=0)
-            for out, part, view in shown
+            for out, part, view in self.offline.shown
         }
 
     def node_fields(self) -> NodeFields:

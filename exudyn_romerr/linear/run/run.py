@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunError
+from ...model.floating_frame import FrameMotion, Turn
 from ...report.report import BoundReport
 from ...report.scope import Reason
 from ..residual.reconstruction import Linear, Quintic, Segmenter
 from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
-from ..residual.segments import Start, turn_of
+from ..residual.segments import Block, Start
 from .balance import UNKNOWN, SolverFacts
 from .prepare import Offline
 from .record import Internal, RunRecord, Stream
@@ -25,12 +26,6 @@ IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
     "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
 )
-
-OTHER_LOADS = (
-    "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
-    "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
-)
-JUMP = 1e-6  # of the loads
 
 
 class Run(RunRecord):
@@ -83,7 +78,6 @@ class Run(RunRecord):
         start = start_of(offline, first, self._jumps, rest, self.is_static)
         if start.y0 is None and (first.q.any() or first.q_t.any()) and not self.is_static:
             self.messages.append(IN_THE_SPAN)
-        self.messages += loads_jump(offline, first, rest)
         self._own = offline.rounding.of_equilibrium(first.u) if self.is_static else offline.own_motion(start)
         rounded = offline.rounding(first, self._own)
         for name in self._segmenters:
@@ -111,10 +105,8 @@ class Run(RunRecord):
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         samples = new.after(self.last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
-        reduction = segments["reduction"][0]
         for block, _ in segments.values():
-            block.share_ends(reduction)
-            block.turn = turn_of(block, samples.frame) if self.offline.scene.turns else None
+            block.turn = _turn_of(block, samples.frame) if self.offline.scene.turns else None
         return Extension(new, segments)
 
     def advance(self, extension: Extension) -> None:
@@ -158,6 +150,13 @@ class Run(RunRecord):
         return Samples(t, *states, u, frame)
 
 
+def _turn_of(block: Block, frame: np.ndarray) -> Turn | None:
+    """Return how the frame turns in every segment of a block; frame: its rows (S + 1, 24) at the samples."""
+    rows = FrameMotion.of(frame)
+    turn = Turn.between(rows.w, rows.al)
+    return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)
+
+
 def start_of(
     offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None, is_static: bool
 ) -> Start:
@@ -185,15 +184,3 @@ def _before_the_first_jump(layout, first: Samples, jumps: Sequence[Jump], z) -> 
         if jump.t == first.t[0] and not jump.is_before(jump.t, u):
             return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
     return u, z
-
-
-def loads_jump(offline: Offline, first: Samples, rest: np.ndarray | None) -> list[str]:
-    """Return what is said where known loads at the start are not those, `rest` (p,), of the equilibrium before."""
-    scene = offline.scene
-    if rest is None or not scene.turns:
-        return []
-    known = slice(scene.first_load, len(rest) - scene.unknown)
-    before, now = rest[known], first.u[0][known]
-    if np.all(np.abs(now - before) <= JUMP * np.max(np.abs([before, now]), initial=0.0)):
-        return []
-    return [OTHER_LOADS]

@@ -338,7 +338,7 @@ class MovingSubject:
         return prepare(
             seen.held,
             Basis(model.held, note=f"{model.V.shape[1]} modes of object {self.item}"),
-            replace(self._options, inputs=Deferred(lambda: terms.columns, terms.made_of), input_function=known),
+            replace(self._options, inputs=Deferred(lambda: terms.columns), input_function=known),
             sampled_inputs=not terms.by_function,
             scene=scene,
         )

@@ -6,7 +6,7 @@ Its inputs are inertia of its frame, known loads, and wrenches of joints, which 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,11 +49,6 @@ class InputTerms:
         self.first_load = 3 * self.weighs if self.at_rest else RIGID_INERTIA + 9 * V.shape[1]
         turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
         self._turns = [load.place.turn_rows @ V + turned if load.follows else None for load in actions.loads]
-
-    @property
-    def made_of(self) -> tuple[Any, ...]:
-        """What the columns are made of, beside the body and V."""
-        return self.at_rest, self.weighs, *self._loads
 
     @property
     def columns(self) -> sp.csc_matrix:

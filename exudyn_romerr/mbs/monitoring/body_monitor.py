@@ -153,7 +153,6 @@ class MonitoredBody:
                     bad = middle
         if extension is not None:
             self.run.advance(extension)
-            self.run.settle()
             self.succession.last = tuple(x[good - 1].copy() for x in rows)
 
     def _extension(self, t: np.ndarray, *states: np.ndarray) -> Extension:
@@ -202,7 +201,7 @@ class MonitoredBody:
         if before is None:
             offline = self._offline
         else:
-            offline = self._offline.from_static() if before.is_static else before.offline
+            offline = self._offline.from_static if before.is_static else before.offline
         run = Run(offline, self._solver, self.tolerance, self._static)
         run.messages += [why_not] if why_not else doubts_in(() if before is None else before.messages)
         first = self.subject.first(t, *states)
@@ -215,7 +214,6 @@ class MonitoredBody:
         self.succession.source, self.succession.last = self._offline, (t, *states)
         if self.told is None:
             self.runs.append(run)
-        run.settle()
         return True
 
     def _diverge(self, t: float) -> None:

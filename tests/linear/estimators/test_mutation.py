@@ -147,7 +147,7 @@ def test_a_plain_trapezoid_of_the_kernel(monkeypatch):
     def trapezoid(self, block):
         ends, lengths, added = self.history
         self.history = ends, lengths, added = tuple(
-            map(np.concatenate, zip(self.history, (block.t, block.h, block.norms(self.norm)), strict=True))
+            map(np.concatenate, zip(self.history, (block.t, block.h, self.norm(block.c)), strict=True))
         )
         lag = np.maximum(block.t[:, None] - ends, 0.0)
         past = ends <= block.t[:, None]

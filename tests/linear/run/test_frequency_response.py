@@ -9,14 +9,13 @@ from matplotlib.figure import Figure
 from scipy.sparse.linalg import splu
 
 import exudyn_romerr as romerr
-from exudyn_romerr import Basis, ElasticBody, InputError, Output, frequency_response
-from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
+from exudyn_romerr import AssumptionError, Basis, ElasticBody, InputError, Output, frequency_response
 from exudyn_romerr.linear.run import frequency_response as module
-from exudyn_romerr.linear.run.frequency_response import AnyDamping, ProportionalDamping
+from exudyn_romerr.linear.run.frequency_response import ProportionalDamping
 from models import solid_bar
 from tests.helpers.bodies import BODIES, DAMPINGS, model, pencil
 
-MEDIAN = {"none": 1.1, "Rayleigh": 1.1, "stiff": 1.1, "ratios": 1.1, "dashpot": 1.3, "matrix": 1000.0}  # see below
+MEDIAN = 1.1  # bound over error: measured 1.00 to 1.05
 CORRECTED = 0.15  # of the error may be left by the estimate, in the median: measured 1e-5 to 0.07
 ROUNDING = 1e-7  # of static responses, with all modes; measured 2e-8, of the linkage
 ATTAINED = 1e-6  # a single mode just above those that are computed: rounding, and the gap of 1e-9
@@ -26,8 +25,8 @@ def exact_response(full, B, C, frequencies):
     """C A^-1 B (F, r, p), refined in extended precision: the truth is better than 16 digits."""
     long = np.longdouble
     M, K, B, C = (x.astype(long) for x in (full.M, full.K, B, C))
-    alpha, beta = map(long, full.rayleigh or (0, 0))
-    D = full.D.astype(long) if full.rayleigh is None else alpha * M + beta * K
+    alpha, beta = map(long, full.rayleigh)
+    D = alpha * M + beta * K
     found = []
     for w in frequencies.astype(long):
         A, x = K + 1j * w * D - w**2 * M, np.zeros(B.shape, dtype=np.clongdouble)
@@ -45,7 +44,7 @@ def bases(full, B, rng):
     yield romerr.modal_basis(full.body, full.N)
 
 
-@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("damping", DAMPINGS[:5])
 @pytest.mark.parametrize("kind", BODIES)
 def test_bound_is_above_the_error(kind, damping):
     """Two loads, two outputs, from zero to above the highest frequency; no tolerance."""
@@ -59,10 +58,9 @@ def test_bound_is_above_the_error(kind, damping):
         assert found.value.shape == found.estimate.shape == found.bound.shape == (13, 2, 2)
         assert np.all(np.abs(truth - found.value) <= found.bound), basis.note
         assert [bool(why) for why in found.reasons] == np.isinf(found.bound).any(axis=(1, 2)).tolist()
-        if full.rayleigh is not None:
-            assert np.isfinite(found.bound).all()
-            if basis.n == full.N and kind != "wide":
-                assert np.all(found.bound[0] <= ROUNDING * np.abs(found.value[0]).max())
+        assert np.isfinite(found.bound).all()
+        if basis.n == full.N and kind != "wide":
+            assert np.all(found.bound[0] <= ROUNDING * np.abs(found.value[0]).max())
 
 
 @cache
@@ -70,17 +68,14 @@ def bar(damping):
     """The solid bar's body, B of a force in z and one in x at its tip."""
     mesh = solid_bar.read_mesh(0)
     mass, stiffness = solid_bar.matrices(mesh.nodes, mesh.tets)
-    N, point = mass.shape[0], 3 * mesh.tip[0] + 2
     options = {
         "none": {},
         "Rayleigh": {"rayleigh": (5.0, 1e-5)},
         "stiff": {"rayleigh": (0.0, 1e-3)},
         "ratios": {"modal_damping": [0.01, 0.02, 0.0, 0.03, 0.5]},
-        "dashpot": {"damping": sp.csc_matrix(([30.0], ([point], [point])), shape=(N, N))},
-        "matrix": {"damping": 5 * mass + 1e-5 * stiffness},
     }[damping]
     fixed = (3 * mesh.clamped[:, None] + np.arange(3)).ravel()
-    B = np.zeros((N, 2))
+    B = np.zeros((mass.shape[0], 2))
     for column, axis in enumerate((2, 0)):
         B[3 * mesh.tip + axis, column] = solid_bar.face_weights(mesh, mesh.tip)
     body = ElasticBody(mass, stiffness, fixed=fixed, positions=mesh.nodes, **options)
@@ -105,35 +100,28 @@ def bar_bases(damping):
     return [romerr.modal_basis(body, 6), krylov, Basis(krylov.V, romerr.modal_basis(body, krylov.n).V)]
 
 
-@pytest.mark.parametrize("damping", MEDIAN)
+@pytest.mark.parametrize("damping", ["none", "Rayleigh", "stiff", "ratios"])
 def test_bar_against_full_solves(damping):
-    """1113 coordinates, of which few modes are known: bounds hold, and are as sharp as the docs say in the median.
-
-    Measured medians: 1.00 to 1.05; dashpot 1.00 to 1.11 below the first mode; a general matrix 8 to 370.
-    """
-    body, B, output, omega = bar(damping)
+    """1113 coordinates, of which few modes are known: bounds hold, and are as sharp as the docs say in the median."""
+    body, B, output, _ = bar(damping)
     frequencies, truth = bar_truth(damping)
     for basis in bar_bases(damping):
         found = frequency_response(body, basis, B, output, frequencies)
-        error, known = np.abs(truth - found.value), np.isfinite(found.bound)
+        error = np.abs(truth - found.value)
         assert np.all(error <= found.bound)
-        assert known[frequencies < 0.9 * omega[0]].all()
-        assert known.all() or damping == "dashpot"
-        resolved = known & (error > 1e-8 * np.abs(truth))  # the truth's own rounding, times 1e3
-        assert np.median((found.bound / np.where(error > 0, error, 1))[resolved]) <= MEDIAN[damping]
+        assert np.isfinite(found.bound).all()
+        resolved = error > 1e-8 * np.abs(truth)  # the truth's own rounding, times 1e3
+        assert np.median((found.bound / np.where(error > 0, error, 1))[resolved]) <= MEDIAN
         left = np.abs(truth - found.value - found.estimate)
         assert np.median((left / np.where(error > 0, error, 1))[resolved]) <= CORRECTED
 
 
 MUTATIONS = {
-    "modes do not answer": (ProportionalDamping, lambda x: zero(x, "PL")),
-    "output does not see modes": (ProportionalDamping, lambda x: zero(x, "CP")),
-    "no static error": (ProportionalDamping, lambda x: zero(x, "static_rows")),
-    "no rest": (ProportionalDamping, lambda x: zero(x, "C_rest")),
-    "residual without B": (ProportionalDamping, lambda x: silent(x, slice(-2, None))),
-    "any: output does not see modes": (AnyDamping, lambda x: zero(x, "CP")),
-    "any: no static error": (AnyDamping, lambda x: zero(x, "static_rows")),
-    "any: no rest": (AnyDamping, lambda x: silent(x, slice(None))),
+    "modes do not answer": lambda x: zero(x, "PL"),
+    "output does not see modes": lambda x: zero(x, "CP"),
+    "no static error": lambda x: zero(x, "static_rows"),
+    "no rest": lambda x: zero(x, "C_rest"),
+    "residual without B": lambda x: silent(x, slice(-2, None)),
 }
 
 
@@ -155,16 +143,15 @@ def silent(estimator, columns):
 
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_bound_breaks_where_a_term_is_left_out(name, monkeypatch):
-    kind, mutate = MUTATIONS[name]
-    original = kind.__init__
+    original = ProportionalDamping.__init__
 
     def mutated(self, problem):
         original(self, problem)
-        mutate(self)
+        MUTATIONS[name](self)
 
-    monkeypatch.setattr(kind, "__init__", mutated)
+    monkeypatch.setattr(ProportionalDamping, "__init__", mutated)
     broken = 0
-    for damping in ("none", "Rayleigh") if kind is ProportionalDamping else ("dashpot", "matrix"):
+    for damping in ("none", "Rayleigh"):
         body, B, output, _ = bar(damping)
         frequencies, truth = bar_truth(damping)
         for basis in bar_bases(damping):
@@ -220,22 +207,6 @@ def test_gain_is_the_largest_over_all_modes_above(rayleigh):
     assert np.all(np.isinf(gain[~damped]))
 
 
-def test_gamma_is_below_the_smallest_singular_value():
-    """In K-coordinates; equal to it for D = mu M where a mode meets the minimum."""
-    for seed in range(5):
-        full = model("pencil", "matrix", seed)
-        mu = 0.3 * full.modes[0][0]
-        for D in (full.D, full.D + mu * full.M, mu * full.M):
-            estimator = any_damping(full, D)
-            w = np.array([0.5, 0.9, 1.5]) * full.modes[0][0]
-            if D is not full.D:
-                w = np.append(w, np.sqrt(full.modes[0][3] ** 2 - mu**2))
-            root = np.linalg.inv(np.linalg.cholesky(full.K))
-            smallest = [np.linalg.svd(root @ (full.K + 1j * x * D - x**2 * full.M) @ root.T)[1][-1] for x in w]
-            assert np.all(estimator.gamma(w) <= np.array(smallest) * (1 + 1e-8))
-        np.testing.assert_allclose(estimator.gamma(w)[-1], smallest[-1], rtol=1e-6)
-
-
 @pytest.mark.parametrize("block", [slice(0, 1), slice(1, 2), slice(-1, None)], ids=["M V", "K V", "B"])
 def test_every_term_of_the_residual_counts(block, monkeypatch):
     """Errors in the 21st mode alone, which is not computed; test spaces that make its motion small, or too large."""
@@ -257,30 +228,6 @@ def test_every_term_of_the_residual_counts(block, monkeypatch):
     assert violations() == 0
     monkeypatch.setattr(ProportionalDamping, "__init__", mutated)
     assert violations()
-
-
-@pytest.mark.parametrize("damping", ["matrix", "gyroscopic"])
-def test_what_any_damping_leaves_is_bounded_by_its_residual(damping):
-    """|R + A e|_{K^-1} of the error e that is known, formed from the full matrices."""
-    full = model("pencil", damping, 0)
-    w, B = 0.5 * full.modes[0][0], np.eye(full.N)[:, 0]
-    options = BoundOptions(inputs=B, outputs=[Output("q", np.eye(full.N))], auxiliary_modes=4)
-    problem = Problem(full.body, romerr.modal_basis(full.body, 2), options)
-    estimator = AnyDamping(problem)
-    estimator.gamma = np.ones_like
-    q, iw = np.array([[0.3 + 0.1j, -0.2j]]), 1j * w
-    z = problem.map.coordinates(q, iw * q, iw**2 * q, np.ones((1, 1)))
-    errors = estimator(np.array([w]), z, np.zeros(1))
-    A = full.K + iw * full.D - w**2 * full.M
-    R = A @ problem.V @ q[0] - B
-    left = np.linalg.solve(np.linalg.cholesky(full.K), R + A @ errors.known[0])
-    np.testing.assert_allclose(errors.slack[0], np.linalg.norm(left) * problem.rows.C_K, rtol=1e-10)
-
-
-def any_damping(full, D):
-    body = ElasticBody(full.M, full.K, damping=D)
-    problem = Problem(body, romerr.modal_basis(body, 2), BoundOptions(inputs=np.eye(full.N)[:, 0], auxiliary_modes=4))
-    return AnyDamping(problem)
 
 
 def test_no_bound_at_eigenfrequencies_of_an_undamped_body():
@@ -314,17 +261,11 @@ def test_no_bound_above_the_modes_that_are_computed(monkeypatch):
         assert found.reasons == ("", module.TOO_HIGH.format(3) if damping == "none" else "")
 
 
-def test_reasons_of_general_matrices():
-    full = model("pencil", "gyroscopic", 0)
-    basis, output = romerr.modal_basis(full.body, 2), Output("y", np.eye(full.N)[0])
-    found = frequency_response(full.body, basis, np.eye(full.N)[:, 0], output, 1.0)
-    assert found.reasons == (module.GYROSCOPIC,)
-    assert np.isfinite(found.estimate).all()
-    assert "no bound" in str(found)
-    assert "at most" not in str(found)
-    body, B, output, omega = bar("dashpot")
-    found = frequency_response(body, romerr.krylov_basis(body, B, 6), B, output, omega[[0, 2]] * 0.9)
-    assert found.reasons == ("", module.UNDAMPED_MOTIONS)
+def test_damping_matrices_are_refused():
+    full = model("pencil", "matrix", 0)
+    basis, row = romerr.modal_basis(full.body, 2), np.eye(full.N)[0]
+    with pytest.raises(AssumptionError, match="needs Rayleigh damping, ratios by mode or none"):
+        frequency_response(full.body, basis, row, Output("y", row), 1.0)
 
 
 def test_velocities_are_those_of_displacements():

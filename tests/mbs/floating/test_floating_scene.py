@@ -171,7 +171,8 @@ def run_model(name, steps=20, asked="auto", **options):
 
 def defect(monitor):
     monitor.report()  # raises what went wrong
-    return monitor.runs[-1].defect
+    run = monitor.runs[-1]
+    return run._balance.share(run.solver.floor)
 
 
 def scope(monitor):
