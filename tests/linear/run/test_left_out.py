@@ -13,7 +13,6 @@ from exudyn import itemInterface
 import exudyn_romerr as romerr
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
-from exudyn_romerr.linear.residual import decay_rates as forgetting
 from exudyn_romerr.linear.residual.problem import Problem
 from exudyn_romerr.linear.run import prepare as offline
 from exudyn_romerr.linear.run.prepare import BoundOptions
@@ -76,7 +75,6 @@ def watched(monkeypatch):
 
     monkeypatch.setattr(Problem, "__init__", init)
     monkeypatch.setattr(body_module, "lowest_modes", lowest_modes)
-    monkeypatch.setattr(forgetting, "lowest_modes", lowest_modes)
     found.count(monkeypatch, SymmetricFactor, "__init__", "factor")
     found.count(monkeypatch, modes, "negative_eigenvalues", "count")
     for owner, name in ((offline, "Turning"), (offline, "StaticError"), (offline, "node_bounds")):
