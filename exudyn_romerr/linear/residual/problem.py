@@ -51,11 +51,6 @@ class BoundOptions:
     auxiliary_modes: int | str = "auto"
     tolerance: Any = None
 
-    @property
-    def live(self) -> bool:
-        """Whether bounds are compared with tolerances, which the plan says."""
-        return self.tolerance is not None
-
     @classmethod
     def of(cls, given: dict[str, Any]) -> BoundOptions:
         """Return those that are among the arguments of a function, its locals()."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from ...model.body import ElasticBody
 from ...report.data import Plan
 from ...report.scope import Scene
 from ..estimators import ESTIMATORS
 from ..residual.problem import BoundOptions, Problem
 
 NO_NODES = "the body has no node positions"
+IN_THE_SPAN = "the full body starts in the span of V (initial=None)"
 
 
 def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Plan:
@@ -21,21 +20,27 @@ def make_plan(problem: Problem, names: tuple[str, ...], options: BoundOptions, s
 
     Made last: what a problem makes when first needed, and has not made by then, is left out.
     """
-    sampled = options.time == "sampled"
+    body, layout, made = problem.body, problem.map.coordinates, vars(problem)
+    merged = "Rayleigh damping is merged into M V and K V" if any(body.rayleigh or ()) else "undamped"
+    all_modes = "state-space" in names or (options.kernels == "spectrum" and "kernel" in made)
+    at_nodes = NO_NODES if body.positions is None else "made when report.node_bound is asked for"
     left_out = [
-        *_estimators_not_made(problem, names, options.estimators),
-        *scene.left_out,
-        *_terms_not_there(problem, scene),
-        *([("bound of the error of the time integration", "time='sampled'")] if sampled else []),
-        *([] if options.live else [("comparison with a tolerance", "none was given")]),
-        (
-            "bounds at nodes",
-            NO_NODES if problem.body.positions is None else "made when report.node_bound is asked for",
-        ),
-        ("errors of static solves", "made when a static solve begins"),
-        ("plots", "made, and matplotlib loaded, when report.plot is called"),
+        *_estimators_not_made(problem, names),
+        ("kernel" not in made, "kernels of Phi12", "no estimator asked for takes them"),
+        *_modes_not_made(problem, all_modes),
+        *((True, *pair) for pair in scene.left_out),
+        (scene.pose is None, "terms of a turning frame", "the body has no frame"),
+        (not layout.p, "load columns B", "nothing loads the body"),
+        (not layout.has_damping, "damping columns D V", merged),
+        (not problem.has_initial_error, "initial error, Phi11", IN_THE_SPAN),
+        (options.time == "sampled", "bound of the error of the time integration", "time='sampled'"),
+        (options.tolerance is None, "comparison with a tolerance", "none was given"),
+        (True, "bounds at nodes", at_nodes),
+        (True, "errors of static solves", "made when a static solve begins"),
+        (True, "plots", "made, and matplotlib loaded, when report.plot is called"),
     ]
-    return Plan(tuple(_computed(problem, names, options, scene)), tuple(left_out))
+    computed = _computed(problem, names, options, scene)
+    return Plan(tuple(computed), tuple((what, why) for is_left_out, what, why in left_out if is_left_out))
 
 
 def _computed(problem: Problem, names: tuple[str, ...], options: BoundOptions, scene: Scene) -> Iterator[str]:
@@ -44,7 +49,7 @@ def _computed(problem: Problem, names: tuple[str, ...], options: BoundOptions, s
     yield f"body: N = {body.N} coordinates, {body.fixed.size} fixed"
     yield f"basis: {problem.basis.note}"
     yield from scene.computed
-    yield f"residual: {problem.map.coordinates.k} columns, {problem.options.residual}"
+    yield f"residual: {problem.map.coordinates.k} columns, {options.residual}"
     for name in names:
         yield f"estimator {name!r}{_details(problem, name)}"
     for out in problem.outputs:
@@ -55,7 +60,7 @@ def _computed(problem: Problem, names: tuple[str, ...], options: BoundOptions, s
         yield f"initial error: the full body starts in {where}"
     if options.time == "reconstructed":
         yield "error of the time integration: quintic reconstruction between steps"
-    if options.live:
+    if options.tolerance is not None:
         yield "a tolerance is to stop the solve: bounds of every step are compared, some steps at a time"
 
 
@@ -67,34 +72,23 @@ def _details(problem: Problem, name: str) -> str:
     return f": kernel '{problem.options.kernels}'" if name in ("fast", "convolution") else ""
 
 
-def _estimators_not_made(problem: Problem, names: tuple[str, ...], asked: Any) -> Iterator[tuple[str, str]]:
-    why_not = {name: _why_not(name, asked, problem.body) for name in ESTIMATORS if name not in names}
-    for why in dict.fromkeys(why_not.values()):
-        yield f"estimator {', '.join(repr(name) for name in why_not if why_not[name] == why)}", why
-    if "kernel" not in vars(problem):
-        yield "kernels of Phi12", "no estimator asked for takes them"
+def _estimators_not_made(problem: Problem, names: tuple[str, ...]) -> Iterator[tuple[bool, str, str]]:
+    reasons: dict[str, list[str]] = {}
+    for name in ESTIMATORS:
+        if problem.options.estimators != "auto":
+            why = "not asked for"
+        elif name == "auxiliary" and problem.body.proportional is None:
+            why = "needs Rayleigh damping, or ratios by mode"
+        else:
+            why = "'auto' takes sharper ones"
+        reasons.setdefault(why, []).extend([] if name in names else [repr(name)])
+    for why, others in reasons.items():
+        yield bool(others), f"estimator {', '.join(others)}", why
+
+
+def _modes_not_made(problem: Problem, all_modes: bool) -> Iterator[tuple[bool, str, str]]:
     if "split" in vars(problem):
-        if np.isfinite(problem.split.modes.cut):
-            yield f"modes above {problem.split.modes.omega[-1]:.4g} rad/s", "bounded together"
-    elif "state-space" not in names and not (problem.options.kernels == "spectrum" and "kernel" in vars(problem)):
-        yield "modes above the first", "no estimator asked for takes them"
-
-
-def _why_not(name: str, asked: Any, body: ElasticBody) -> str:
-    if asked != "auto":
-        return "not asked for"
-    if name == "auxiliary" and body.proportional is None:
-        return "needs Rayleigh damping, or ratios by mode"
-    return "'auto' takes sharper ones"
-
-
-def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]]:
-    if scene.pose is None:
-        yield "terms of a turning frame", "the body has no frame"
-    if not problem.B.shape[1]:
-        yield "load columns B", "nothing loads the body"
-    if not problem.map.coordinates.has_damping:
-        merged = any(problem.body.rayleigh)
-        yield "damping columns D V", "Rayleigh damping is merged into M V and K V" if merged else "undamped"
-    if not problem.has_initial_error:
-        yield "initial error, Phi11", "the full body starts in the span of V (initial=None)"
+        modes = problem.split.modes
+        yield bool(np.isfinite(modes.cut)), f"modes above {modes.omega[-1]:.4g} rad/s", "bounded together"
+    else:
+        yield not all_modes, "modes above the first", "no estimator asked for takes them"

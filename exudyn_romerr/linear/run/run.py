@@ -68,7 +68,11 @@ class Run(RunRecord):
         if after is None or after.is_static:
             self._begin(first, None if after is None else after.last.u[0])
         else:
-            self._go_on(after)
+            self.messages.append(f"continues the run before from t = {after.last.t[-1]:g} s")
+            self.continues, self._own, self.begins_late = True, after._own, is_late or after.begins_late
+            for name, stream in self._streams.items():
+                stream.go_on(after._streams[name])
+            self._balance.go_on(after._balance)
         self.messages += [Reason.NO_ACCELERATIONS.doubt(t)] if is_late and not self.is_static else []
         self._record(first, self.offline.rounding(first, self._own))
 
@@ -84,14 +88,6 @@ class Run(RunRecord):
             self._streams[name].start(start, rounded)
         if "initial" in self._streams:
             self._streams["initial"].start(replace(start, z=0 * start.z))
-
-    def _go_on(self, before: Run) -> None:
-        """Begin where another run ended."""
-        self.messages.append(f"continues the run before from t = {before.last.t[-1]:g} s")
-        self.continues, self._own, self.begins_late = True, before._own, self.begins_late or before.begins_late
-        for name, stream in self._streams.items():
-            stream.go_on(before._streams[name])
-        self._balance.go_on(before._balance)
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -166,21 +162,15 @@ def start_of(
     t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
     if offline.initial is None or is_static:
         return Start(t, z)
-    if offline.initial == "equilibrium":  # K e0 = B u - K V qr
-        u, z = _before_the_first_jump(layout, first, jumps, z) if rest is None else (rest, z)
-        y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
+    if offline.initial == "equilibrium":  # K e0 = B u - K V qr, u those before a jump at the start itself
+        passed = [jump for jump in jumps if jump.t == t and not jump.is_before(t, u)]
+        if rest is None and passed:
+            u = passed[0].u_left
+            z = layout(q, q_t, q_tt - passed[0].dq_tt, u)
+        y0, y0_t = -layout(q, 0 * q, 0 * q, u if rest is None else rest), np.zeros(layout.k)
     else:  # the last two columns are K q0 and M q0'
         y0, y0_t = np.zeros((2, layout.k + 2))
         y0[layout.stiffness_slot] = -q
         y0[layout.k], y0_t[layout.k + 1] = 1.0, 1.0
     y0_t[layout.mass_slot] = -q_t
     return Start(t, z, y0, y0_t)
-
-
-def _before_the_first_jump(layout, first: Samples, jumps: Sequence[Jump], z) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs and z that the body was in equilibrium with: those before a load jump at the start itself."""
-    q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
-    for jump in jumps:
-        if jump.t == first.t[0] and not jump.is_before(jump.t, u):
-            return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
-    return u, z

@@ -239,7 +239,7 @@ class MovingSubject:
     @property
     def is_live(self) -> bool:
         """Whether bounds are needed while a solve goes on; those of a mechanism are told when it has ended."""
-        return self._at_every_step or self._options.live
+        return self._at_every_step or self._options.tolerance is not None
 
     @property
     def vectors(self) -> int:
