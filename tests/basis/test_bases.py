@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from exudyn_romerr import AssumptionError, Basis, ElasticBody, InputError, gramian_basis, krylov_basis, modal_basis
-from exudyn_romerr.linalg.orthogonalise import m_orthonormal
+from exudyn_romerr import AssumptionError, ElasticBody, InputError, gramian_basis, krylov_basis, modal_basis
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
 
@@ -50,22 +49,6 @@ def test_columns_are_m_orthonormal(maker, damping):
     assert np.max(np.abs(gram(full, basis.V) - np.eye(6))) < tol.ORTHONORMAL
 
 
-def test_nearly_parallel_columns_become_orthonormal():
-    """Re-orthogonalisation: columns that differ by 1e-7 lose no orthogonality; a dependent one is deflated."""
-    full, rng = model("pencil", "none", 1), np.random.default_rng(1)
-    X = rng.standard_normal((full.N, 1)) + 1e-7 * rng.standard_normal((full.N, 5))
-    V = m_orthonormal(full.body.M, np.column_stack([X, X[:, 0]]))
-    assert V.shape[1] == 5
-    assert np.max(np.abs(gram(full, V) - np.eye(5))) < tol.ORTHONORMAL
-
-
-def test_modal_basis_is_the_lowest_modes():
-    """V^T K V = diag of the lowest squared frequencies."""
-    full = model("pencil", "under", 2)
-    V = modal_basis(full.body, 4).V
-    assert V.T @ full.K @ V == pytest.approx(np.diag(full.modes[0][:4] ** 2), rel=tol.EIGEN, abs=tol.EIGEN)
-
-
 @pytest.mark.parametrize("p", [1, 2])
 @pytest.mark.parametrize("shifts", [(0.0,), (15.0,), (0.0, 30.0)])
 @pytest.mark.parametrize("damping", ["none", "under", "overdamped", "matrix", "gyroscopic"])
@@ -83,15 +66,6 @@ def test_krylov_matches_moments(damping, shifts, p):
         later = moments(full.M, full.D, full.K, B, shifts[0], 4)[3]
         missed = V @ moments(*reduced, V.T @ B, shifts[0], 4)[3] - later
         assert np.max(np.abs(missed)) > 1e3 * tol.MOMENT * np.max(np.abs(later))
-
-
-def test_krylov_static_response_is_exact():
-    """Shift 0: K^-1 B lies in the span, the reduced model's static response is exact."""
-    full = model("beam", "none", 4)
-    B = inputs_of(full)
-    V = krylov_basis(full.body, B, 1).V
-    wanted = la.solve(full.K, B)
-    assert V @ la.solve(V.T @ full.K @ V, V.T @ B) == pytest.approx(wanted, rel=tol.MOMENT)
 
 
 @pytest.mark.parametrize("damping", ["none", "under"])
@@ -151,17 +125,6 @@ def test_gramian_in_resonance_is_refused():
         gramian_basis(body, np.ones((2, 1)), 1, band=(0.0, 10.0))
     for band in ((0.0, 3.0), (5.0, 15.0), (25.0, 30.0)):
         assert gramian_basis(body, np.ones((2, 1)), 2, band=band).n == 2
-
-
-def test_own_basis_keeps_what_was_passed():
-    """V and W as given; Galerkin when W is left out."""
-    V, W = np.random.default_rng(8).standard_normal((2, 6, 2))
-    assert Basis(V).is_galerkin
-    assert np.array_equal(Basis(V).W, V)
-    own = Basis(V, W)
-    assert not own.is_galerkin
-    assert np.array_equal(own.V, V)
-    assert np.array_equal(own.W, W)
 
 
 def test_bases_vanish_at_fixed_coordinates():

@@ -6,7 +6,6 @@ from scipy import sparse
 
 import exudyn_romerr as romerr
 from models import floating
-from tests.fe_files import bar_files
 from tests.fe_files.bar_files import (
     assert_bar,
     bar,
@@ -184,18 +183,6 @@ def test_included_files(tmp_path):
         romerr.read_body(tmp_path / "job.inp")
 
 
-def test_elements_over_several_lines(tmp_path):
-    """Of 20 nodes, and of a type that is not known: matrices are read all the same."""
-    n = in_order()
-    first, rest = (", ".join(map(str, part)) for part in (n[:15], n[15:20]))
-    text = (
-        f"*Node\n{node_lines()}*Element, type=C3D20R\n1, {first},\n{rest}\n*Element, type=XYZ7\n2, {n[0]}, {n[1]}\n"
-    )
-    model = romerr.read_body(write_abaqus(tmp_path, text))
-    assert model.elements.keys() == {"Hex20"}
-    assert model.elements["Hex20"].tolist() == [list(range(20))]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -257,20 +244,3 @@ def test_matrices_elsewhere(tmp_path):
     assert_bar(romerr.read_body(tmp_path / "job_MASS1.mtx", mesh=path))
     with pytest.raises(romerr.InputError, match="no file had node positions"):
         pair.to_fem()
-
-
-def test_six_coordinates_a_node(tmp_path):
-    """Beams; as many as the matrix has, whatever the elements."""
-    K = sparse.diags(np.arange(1.0, 13.0))
-    rows = np.column_stack([np.repeat([4, 9], 6), np.tile(np.arange(1, 7), 2)])
-    text = "*Node\n4, 0, 0, 0\n9, 1, 0, 0\n*Element, type=B31\n1, 4, 9\n"
-    (tmp_path / "job.inp").write_text(text)
-    for name in ("MASS", "STIF"):
-        (tmp_path / f"job_{name}1.mtx").write_text(matrix_input(K, rows))
-    model = romerr.read_body(tmp_path / "job.inp")
-    assert model.body.dofs_per_node == 6
-    assert model.elements["Line2"].tolist() == [[0, 1]]
-    np.testing.assert_array_equal(model.stiffness.diagonal(), np.arange(1.0, 13.0))
-    with pytest.raises(romerr.InputError, match="nodes have rotations"):
-        model.to_fem()
-    assert bar_files.NODES == 65

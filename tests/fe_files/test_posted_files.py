@@ -56,11 +56,6 @@ def test_calculix_free(tmp_path):
         assert first(model, fixed="left") == pytest.approx(OMEGA, rel=DIGITS)
 
 
-def test_calculix_rows_in_another_order(tmp_path):
-    """Those that .dof says."""
-    assert_brick(romerr.read_body(calculix(tmp_path, np.random.default_rng(3).permutation(WHOLE))))
-
-
 @pytest.mark.parametrize("rows", [WHOLE, FREE])
 def test_calculix_without_dof(tmp_path, rows):
     """Rows in the order of the nodes, without those that *Boundary holds; refused if it cannot be that order."""
@@ -121,18 +116,6 @@ def test_harwell_boeing(tmp_path, flavour, ending):
     model = romerr.read_body(path, mass=tmp_path / f"M.{ending}", mesh=deck(tmp_path / "bar.inp"))
     assert_brick(model)
     assert first(model, fixed="left") == pytest.approx(OMEGA, rel=DIGITS)
-
-
-def test_harwell_boeing_columns_that_touch(tmp_path):
-    """Numbers as wide as their columns."""
-    text = (
-        f"{'t':72}{'k':8}\n{3:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n{'RSA':14}{2:14d}{2:14d}{2:14d}{0:14d}\n"
-        f"{'(3I1)':16}{'(2I1)':16}{'(1P,2E24.17)':20}\n123\n12\n{-1.5:24.17E}{-2.5:24.17E}\n"
-    )
-    for name in "KM":
-        (tmp_path / name).write_text(text)
-    found = romerr.read_body(tmp_path / "K", mass=tmp_path / "M").stiffness
-    np.testing.assert_array_equal(found.toarray(), np.diag([-1.5, -2.5]))
 
 
 def test_harwell_boeing_with_the_mapping_of_ansys(tmp_path):
@@ -229,24 +212,6 @@ def test_a_deck_without_matrices_names_its_program(tmp_path, more, wanted, unwan
     assert unwanted not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("ending", "write"),
-    [
-        ("mtx", market),
-        ("npy", lambda path, matrix: np.save(path, matrix.toarray())),
-        ("txt", lambda path, matrix: path.write_text(triples(matrix))),
-    ],
-)
-def test_files_that_name_no_program_are_told_of_none(tmp_path, ending, write):
-    """Rows in another order."""
-    M, K, *_ = brick()
-    rows = np.random.default_rng(5).permutation(WHOLE)
-    path = pair(tmp_path, ending, write, stiffness=K[rows][:, rows], mass=M[rows][:, rows])
-    with pytest.raises(romerr.InputError, match="Put the rows in that order") as error:
-        romerr.read_body(path, mass=tmp_path / f"M.{ending}", mesh=deck(tmp_path / "bar.inp"))
-    assert not any(name in str(error.value) for name in ("Abaqus", "Ansys", "CalculiX", "Nastran"))
-
-
 # --- endings that say nothing -----------------------------------------------
 
 
@@ -280,10 +245,3 @@ def test_content_goes_before_the_ending(tmp_path, content, ending):
         romerr.read_body(mesh, mass=tmp_path / f"M.{ending}", stiffness=path),
     ):
         assert_brick(model)
-
-
-def test_a_saved_body_with_another_ending(tmp_path):
-    calculix(tmp_path, WHOLE)
-    romerr.read_body(tmp_path / "job.sti").save(tmp_path / "bar.npz")
-    (tmp_path / "bar.npz").rename(tmp_path / "bar.body")
-    assert_brick(romerr.read_body(tmp_path / "bar.body"))

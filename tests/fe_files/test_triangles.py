@@ -46,18 +46,6 @@ def test_a_triangle_added_twice_where_the_body_is_held(tmp_path, how):
         romerr.read_body(calculix(tmp_path, FREE, change=change))
 
 
-def test_the_cures_of_triangles_are_right(tmp_path):
-    """What the messages say makes the matrices what they were."""
-    M, K, *_ = brick()
-    for how in TWICE:
-        wrong = {name: TWICE[how][0](A) for name, A in (("stiffness", K), ("mass", M))}
-        path = pair(tmp_path, "mtx", market, **wrong)
-        with pytest.raises(romerr.InputError) as error:
-            romerr.read_body(path, mass=tmp_path / "M.mtx")
-        cure = str(error.value).rpartition(": " if how in ("below", "above") else "them: ")[2]
-        assert abs(eval(cure, {"sparse": sparse, "A": wrong["stiffness"]}) - K).max() <= 1e-15 * abs(K).max()
-
-
 def test_a_mass_matrix_with_a_triangle_added_twice(tmp_path):
     """Alone; also where matrices are passed on without a file."""
     M, K, *_ = brick()

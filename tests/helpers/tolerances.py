@@ -53,7 +53,6 @@ QUADRATURE = 1e-4
 TAYLOR = 1e-10
 # All modes auxiliary, |w| up to 1 % of the first frequency for 3 to 10 periods: the error is known but for what the
 # turning adds, bounded by its absolute value. Largest of 42 seeds: 2.4, 2.1, 5.6, 6.7 (random output rows).
-SLOW_SPIN = {"position": 4.0, "velocity": 4.0, "y": 10.0, "v": 12.0}
 # Medians of position, displacement and velocity outputs: twice what was measured. At 20 % of the first frequency
 # the bound of what the turning adds grows with every period, the error does not.
 MEDIAN_IN_SPIN = {

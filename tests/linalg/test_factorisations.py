@@ -15,7 +15,6 @@ from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFacto
 from exudyn_romerr.model import body
 from models.hex_bar import hex_bar
 from tests.helpers import tolerances
-from tests.helpers.bodies import model
 
 INSTALLED = {"superlu": True, "pardiso": importlib.util.find_spec("pymklpardiso") is not None}
 KINDS = [
@@ -172,20 +171,3 @@ def test_solves_with_any_matrix(kind, dtype):
     for columns in (slice(0, 3), 0):
         found = solve(right[:, columns])
         np.testing.assert_allclose(found, expected[:, columns], rtol=0, atol=accuracy * abs(expected).max())
-
-
-@pytest.mark.parametrize("damping", ["matrix", "gyroscopic"])
-def test_bases_do_not_depend_on_it(monkeypatch, damping):
-    """The same spaces of Krylov vectors and of the Gramian: angles between them below 1e-9."""
-    full, found = model("pencil", damping, 0), {}
-    B = np.random.default_rng(4).standard_normal((full.N, 2))
-    for kind in (kind for kind, there in INSTALLED.items() if there):
-        monkeypatch.setattr(symmetric_factor, "solver", lambda n, kind=kind: kind)
-        bases = (
-            romerr.krylov_basis(full.body, B, 6, shifts=(0.0, 20.0)),
-            romerr.gramian_basis(full.body, B, 4, (0, 60)),
-        )
-        found[kind] = [la.qr(basis.V, mode="economic")[0] for basis in bases]
-    for spaces in found.values():
-        for one, other in zip(spaces, found["superlu"], strict=True):
-            assert la.subspace_angles(one, other).max() < 1e-9

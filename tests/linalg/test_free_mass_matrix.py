@@ -55,13 +55,6 @@ def test_norms_and_solutions_are_those_of_full_matrices():
     )
 
 
-def test_damping_is_that_of_full_matrices():
-    body, full, M, K = blocks()
-    y = body.space.coordinates("x", full.expand(np.random.default_rng(1).standard_normal((len(M), 2))))
-    x = full.coordinates("x", body.expand(y))
-    np.testing.assert_allclose(y.T @ (body.D @ y), x.T @ (0.3 * M + 1e-5 * K) @ x, rtol=SAME)
-
-
 def test_bodies_of_any_size_keep_sparse_matrices():
     """A full matrix of 8019 coordinates takes 514 MB; allowed is 30 times the entries of K, with modes and norms."""
     fem = hex_block((32, 8, 8))

@@ -28,22 +28,11 @@ def test_rigid_body_modes_are_counted(fixed, left, seed):
         ElasticBody(*free_beam(seed=seed), fixed=fixed)
 
 
-def test_rigid_body_modes_of_a_body_without_stiffness():
-    """K = 0: every coordinate is free."""
-    with pytest.raises(AssumptionError, match="4 rigid-body"):
-        ElasticBody(np.eye(4), np.zeros((4, 4)))
-
-
 def test_from_fem_without_matrices():
     """An FEMinterface that imported nothing yet."""
     fem_module = pytest.importorskip("exudyn.FEM")
     with pytest.raises(InputError, match="fem has no mass or stiffness matrix"):
         ElasticBody.from_fem(fem_module.FEMinterface())
-
-
-def test_a_held_beam_is_accepted():
-    """Six coordinates of one node hold it."""
-    assert ElasticBody(*free_beam(), fixed=range(6)).free.tolist() == list(range(6, 36))
 
 
 @pytest.mark.parametrize("convert", [np.asarray, sp.csr_matrix, sp.coo_array, lambda A: A.tolist()])
@@ -62,13 +51,6 @@ def test_every_dissipative_damping_is_accepted(damping):
     full = model("pencil", damping, 1)
     D = full.body.D
     assert (np.zeros((12, 12)) if D is None else D.toarray()) == pytest.approx(full.D, rel=tol.ENTRIES)
-
-
-def test_purely_gyroscopic_damping_is_dissipative():
-    """x^T D x = 0 feeds nothing in."""
-    M, K = chain(np.random.default_rng(1))
-    skew = np.triu(np.ones(M.shape), 1)
-    assert ElasticBody(M, K, damping=skew - skew.T).rayleigh is None
 
 
 @pytest.mark.parametrize("fixed", [(), (0, 3)])
@@ -97,13 +79,6 @@ def test_a_count_that_rounding_spoils_at_the_lowest_mode_refuses_nothing(monkeyp
     assert ElasticBody(sp.identity(n), K).modes(1).omega == pytest.approx([first], rel=tol.EIGEN)
 
 
-def test_factors_are_made_once():
-    """Each factorisation is made when first needed and kept."""
-    body = model("chain", "under", 4).body
-    assert body.mass_factor is body.mass_factor
-    assert body.stiffness_factor is body.stiffness_factor
-
-
 def test_fixed_coordinates_count_in_N_and_expand_to_zero():
     """Expand puts values back among all N."""
     full = model("chain", "none", 5)
@@ -112,14 +87,6 @@ def test_fixed_coordinates_count_in_N_and_expand_to_zero():
     assert body.fixed.tolist() == [0, 2]
     values = np.ones((full.N - 2, 1))
     assert np.flatnonzero(body.expand(values)[:, 0] == 0).tolist() == [0, 2]
-
-
-def test_total_mass():
-    """Of a rigid translation: density times volume of the beam, 6 coordinates a node; None without positions."""
-    M, K = free_beam()
-    body = ElasticBody(M, K, fixed=range(6), positions=np.zeros((6, 3)))
-    assert body.total_mass == pytest.approx(STEEL.density * np.pi * 0.01**2, rel=tol.MOMENT)
-    assert ElasticBody(M, K, fixed=range(6)).total_mass is None
 
 
 def test_from_fem_takes_matrices_and_positions():

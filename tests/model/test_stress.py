@@ -15,9 +15,8 @@ import exudyn_romerr as romerr
 from benchmarks.by_run import told_by_run
 from examples import stress_bound
 from exudyn_romerr.model import solid_elements as solid
-from models import floating, mechanisms, solid_bar
+from models import floating
 from models.beam3d import STEEL
-from models.solid_exact import full_outputs, reduced_motion
 from tests.helpers import tolerances as tol
 from tests.helpers.pages import BLOCK
 from tests.mbs.floating import test_floating_bounds as bounds
@@ -93,17 +92,6 @@ def test_strain_of_fields_that_an_element_can_follow_is_exact(kind, mirror):
     if kind in ("Tet10", "Hex20"):
         u, strain = quadratic_field(nodes)
         np.testing.assert_allclose(rows @ u, strain, atol=tol.ORTHONORMAL * 1000)
-
-
-def test_strain_of_distorted_hexahedra():
-    """Linear fields only; the Jacobian is another one at every node."""
-    rng = np.random.default_rng(2)
-    G = rng.standard_normal((3, 3))
-    for kind in ("Hex8", "Hex20"):
-        nodes = ELEMENTS[kind] + 0.1 * rng.uniform(-1, 1, (len(ELEMENTS[kind]), 3))
-        u, strain = linear_field(nodes, G)
-        rows = rows_of_all_nodes(fem_of(nodes, **{kind: [list(range(len(nodes)))]}))
-        np.testing.assert_allclose(rows @ u, np.tile(strain, (len(nodes), 1)), atol=tol.ORTHONORMAL * 100)
 
 
 def test_quadratic_mesh_of_ngsolve_gets_its_middle_nodes_back():
@@ -231,68 +219,6 @@ def test_complete_bound_of_stress(kind, n):
     assert assert_bounded(report, truth, 2.5, tol.FULL_BODY) <= 4.0
 
 
-def test_frozen_bound_of_stress(monkeypatch):
-    """The pendulum under its own frame motion, loads and wrenches. Measured: 1.2, von Mises 1.6."""
-    monkeypatch.setattr(bounds, "outputs", lambda body: [stress()])
-    body = bounds.full_body("bar")
-    scene = floating.pendulum(0, h=1e-4, t_end=0.02)
-    run = bounds.recorded(scene, body, auxiliary_modes=120)
-    assert set(run.report.scope.values()) == {"inputs frozen"}
-    truth = bounds.frozen_motion(run, body)[0] @ stress().rows.T
-    assert assert_bounded(run.report, truth, 2.0, tol.FULL_BODY) <= 3.0
-
-
-MECHANISMS = {"sprung": mechanisms.sprung_body, "pendulum": mechanisms.double_pendulum}
-
-
-@pytest.mark.parametrize("name", MECHANISMS)
-def test_coupled_bound_of_stress(name):
-    """Against the same scene with all modes; every body, every component."""
-
-    def solved(kind):
-        scene = MECHANISMS[name](4, kind, h=1e-3, t_end=0.025)
-        node = itemInterface.SensorNode
-        what = {"outputVariableType": exu.OutputVariableType.Coordinates, "storeInternal": True}
-        sensors = [scene.mbs.AddSensor(node(nodeNumber=items["nGenericODE2"], **what)) for items in scene.bodies]
-        monitors = [
-            romerr.attach(scene.mbs, romerr.floating_body(scene.fem, items), outputs=[stress()], auxiliary_modes=20)
-            for items in (scene.bodies if kind == "RBE3" else ())
-        ]
-        scene.solve()
-        rows = stress().rows @ scene.fem.modeBasis["matrix"]
-        values = [scene.mbs.GetSensorStoredData(sensor)[:, 1:] @ rows.T for sensor in sensors]
-        return values, [monitor.report() for monitor in monitors]
-
-    (_, reports), (truths, _) = solved("RBE3"), solved("complete")
-    for report, truth in zip(reports, truths, strict=True):
-        assert set(report.scope.values()) == {"coupled (linearised)"}
-        assert assert_bounded(report, truth, 1.1, tol.MECHANISM_NEWTON) <= 1.2
-        error, size = np.abs(truth - report.output("s").value).max(axis=0), np.abs(truth).max()
-        seen = error > 1e-7 * size
-        assert np.all(report.output("s").bound["best"].max(axis=0)[seen] <= 1.2 * error[seen])
-        assert seen.any()
-
-
-def test_bound_of_stress_of_a_linear_body():
-    """The notched bar of quadratic tetrahedra, evaluate, exact truth; stress needs more modes than displacement."""
-    body, inputs, (tip, _) = solid_bar.build(0)
-    mesh = solid_bar.read_mesh(0)
-    fem = fem_of(mesh.nodes, Tet10=mesh.tets[:, [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]])
-    node = int(np.argmin(np.linalg.norm(mesh.nodes - [0.05, 0, 0.06], axis=1)))
-    out = romerr.node_stress("s", node=node, fem=fem, material=MATERIAL)
-    W, basis = 2 * np.pi * 100.0, romerr.modal_basis(body, 12)
-    t = 2e-5 * np.arange(501)
-    q, q_t, q_tt = reduced_motion(body, basis, inputs, W).motion(t)
-    trajectory = romerr.Trajectory(t, q, q_t, q_tt, np.sin(W * t)[:, None])
-    options = {"inputs": inputs, "input_function": lambda t: np.sin(W * t), "auxiliary_modes": 300}
-    report = romerr.evaluate(body, basis, trajectory, outputs=[out, tip], **options)
-    truth = full_outputs(body, inputs, np.vstack([out.rows, tip.resolve(body)]), W)(t)
-    assert_bounded(report, truth[:, :6], 3.0, 1e-9)
-    report.compare("tip z", t, truth[:, 6:])
-    displacement = np.abs(report.output("tip z").error).max() / np.abs(truth[:, 6]).max()
-    assert np.abs(truth[:, 0] - report.output("s").value[:, 0]).max() > 3 * displacement * np.abs(truth[:, 0]).max()
-
-
 # von Mises
 
 
@@ -333,22 +259,6 @@ def test_correction_sharpens_von_mises_where_it_has_the_same_scope():
     )
     report.scope["other"] = "inputs frozen"
     assert romerr.von_mises(report, "s").bound[0] > 20
-
-
-def test_von_mises_survives_save_and_load(tmp_path):
-    scene = floating.clamped_bar(0, h=1e-3, t_end=0.01)
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[stress(), stress(name="xx", component="xx")])
-    scene.solve()
-    report = monitor.report()
-    report.save(tmp_path / "run.npz")
-    loaded = romerr.load_report(tmp_path / "run.npz")
-    for field in ("value", "bound", "corrected", "corrected_bound"):
-        one, other = (getattr(romerr.von_mises(r, "s"), field) for r in (report, loaded))
-        assert one.shape == report.t.shape
-        assert np.array_equal(one, other)
-    with pytest.raises(romerr.InputError, match="'xx' has 1 rows; needed: the six"):
-        romerr.von_mises(report, "xx")
 
 
 # page and example

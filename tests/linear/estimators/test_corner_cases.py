@@ -5,8 +5,6 @@ import pytest
 import scipy.linalg as la
 
 import exudyn_romerr as romerr
-from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
-from exudyn_romerr.linear.residual.kernels import CertifiedKernel, SpectrumKernel
 from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from exudyn_romerr.linear.run.run import Run
 
@@ -45,34 +43,11 @@ def resting(t):
     return romerr.Trajectory(t, *np.zeros((3, len(t), 1)))
 
 
-@pytest.mark.parametrize("n", [1, 2, 5])
-def test_default_bounds_of_tiny_bodies(n):
-    """'auto' takes every mode of a small body as auxiliary: the bound is the error itself."""
-    body, t = chain(n, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 101)
-    basis = romerr.modal_basis(body, 1)
-    full, traj, B = released(body, basis, 0.0, t)
-    report = romerr.evaluate(
-        body, basis, traj, inputs=B, outputs=[romerr.Output("x", np.eye(n)[0])], input_function=lambda t: 1.0
-    )
-    found = report.compare("x", t, full[:, 0])
-    floor = ROUNDING * np.abs(full).max()
-    assert np.all(np.abs(found.error) <= found.bound["best"] + floor)
-    assert np.all(found.bound["best"] <= np.abs(found.error) + 1e-3 * np.abs(full).max())
-
-
 def test_indefinite_damping_is_refused_although_its_factorisation_breaks_down():
     """D has the eigenvalue -1.6 and a leading block that is singular: no pivot says so."""
     D = np.array([[1.0, 2, -1, -2], [2, 1, 0, -1], [-1, 0, 1, 0], [-2, -1, 0, 1]])
     with pytest.raises(romerr.AssumptionError, match="damping feeds energy in"):
         romerr.ElasticBody(np.eye(4), 4 * np.eye(4), damping=D)
-
-
-def test_certified_kernel_of_very_strong_damping():
-    """Alpha = 1e9 1/s: C12 is not zero, and above the spectrum's."""
-    body = chain(4, stiffness=1e8, rayleigh=(1e9, 0.0))
-    certified, spectrum = CertifiedKernel(body).C12, SpectrumKernel(body).C12
-    assert spectrum <= certified * (1 + 1e-12)
-    assert certified <= 1.5 * spectrum
 
 
 @pytest.mark.parametrize("initial", [None, "equilibrium"])
@@ -121,29 +96,6 @@ def test_cancelled_norm_is_inf_and_said_so():
     assert all("inf from t =" in report.reason(e) for e in spoilt)
 
 
-def test_slow_mode_beside_a_stiff_one_keeps_its_digits():
-    """Undamped, 1 rad/s beside 1e5 rad/s, 4000 steps of 0.3 s: the slow one's phase is right to rounding."""
-    omega = np.array([1.0, 1e5])
-    steps, h = 4000, 0.3
-    state = np.array([[1.0, 0.0], [0.0, 0.0]])
-    t = h * np.arange(1, steps + 1)
-    motion = ModalOscillators(omega, np.zeros(2)).advance(state, t, np.full(steps, h), np.zeros((steps, 2, 2)))
-    # eps per step at random or all the same way: at most 4000 * 8 * 2e-16
-    assert np.max(np.abs(motion[:, 0, 0] - np.cos(t))) < 8 * steps * np.finfo(float).eps
-
-
-@pytest.mark.parametrize("factor", [0.2, 1 + 1e-9, 5.0])
-def test_far_shorter_steps_than_a_mode_are_each_made_anew(factor):
-    """1e-10 rad of the mode a step, another length in each: before, half of the motion was lost."""
-    oscillators, state, t, h = ModalOscillators(np.array([0.1]), np.zeros(1)), np.zeros((2, 1)), 0.0, 1e-9
-    for _ in range(3):
-        t, force = t + h, np.ones((1, 2, 1))
-        state = oscillators.advance(state, np.array([t]), np.array([h]), force)[-1]
-        h *= factor
-    # a constant force: t^2/2 but for (0.1 t)^2 of it; some roundings of the steps, each
-    np.testing.assert_allclose(state[0, 0], t**2 / 2, rtol=1e-14)
-
-
 def test_auto_count_ignores_an_output_that_sees_nothing():
     """An output row on a fixed coordinate is zero; it neither warns nor asks for more modes."""
     body = romerr.ElasticBody(np.eye(4), 100 * np.eye(4) + np.ones((4, 4)), fixed=[0], rayleigh=(0.1, 0.0))
@@ -173,17 +125,6 @@ def test_masks_are_no_coordinate_numbers(mask):
     """A boolean mask would fix coordinates 0 and 1."""
     with pytest.raises(romerr.InputError, match="fixed holds bools"):
         romerr.ElasticBody(np.eye(3), np.eye(3), fixed=mask)
-
-
-def test_body_that_stays_at_rest_has_bounds_at_nodes_by_every_estimator():
-    """All of them zero: the first estimator's worst instant once kept the others from having one."""
-    body = chain(6, positions=np.arange(6.0).reshape(2, 3))
-    t, rest = np.linspace(0, 1, 5), np.zeros((5, 2))
-    basis = romerr.modal_basis(body, 2)
-    names = ("energy", "fast")
-    report = romerr.evaluate(body, basis, romerr.Trajectory(t, rest, rest, rest), estimators=names)
-    assert set(report.node_bound) == set(report.position_bound) == set(names)
-    assert all(not bound.any() for bound in report.node_bound.values())
 
 
 def test_too_long_a_run_for_sums_over_all_steps_is_refused():

@@ -12,7 +12,7 @@ from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajector
 from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
 from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
-from exudyn_romerr.linear.residual.decay_rates import body_rates, rayleigh_rates
+from exudyn_romerr.linear.residual.decay_rates import body_rates
 from exudyn_romerr.linear.residual.modal_split import above
 from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from tests.helpers import tolerances as tol
@@ -104,16 +104,6 @@ def test_forgetting_rates_are_admissible(kind, damping):
         assert np.sqrt(la.eigvalsh(full.K, K_r)[-1]) <= rate.c * (1 + tol.ROOT)
         assert 1 / np.sqrt(lowest) <= rate.per_mass * (1 + tol.ROOT)
         assert np.sqrt(1 + rate.r**2 / lowest) <= rate.velocity * (1 + tol.ROOT)
-
-
-def test_rates_above_the_auxiliary_modes_hold_for_every_mode_there():
-    for alpha, beta in ((0.1, 0.0), (0.0, 1e-3), (3.0, 0.2), (9.0, 0.0)):
-        omega = np.geomspace(2.0, 2e4, 200)
-        for rate in rayleigh_rates((2.0, alpha, beta)):
-            damping, kappa = alpha + beta * omega**2, omega**2 - rate.r * (alpha + beta * omega**2) + rate.r**2
-            assert np.all(damping >= 2 * rate.r * (1 - 1e-12))
-            assert np.all(kappa > 0)
-            assert np.max(omega / np.sqrt(kappa)) <= rate.c * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("m", [1, 4, 10])

@@ -53,16 +53,6 @@ def test_what_has_no_bound_is_refused_with_a_reason(case):
     assert re.search(case.says, extreme.measured(case).text)
 
 
-def test_the_table_has_every_case():
-    """One line a case, under the head; numbers or the refusal's text."""
-    found = [extreme.measured(case) for case in (BOUNDS[0], REFUSALS[0])]
-    head, bound, refusal = extreme.table(found).split("\n", maxsplit=2)
-    assert "truth" in head
-    assert BOUNDS[0].name in bound
-    assert f"{found[0].error:.2e}" in bound
-    assert f"refused: {found[1].text}" in " ".join(refusal.split())
-
-
 SPECTRA = {
     "light mass 1e9": bodies.light_mass(1e9),
     "graded 1e3": bodies.graded(1e3),
@@ -89,27 +79,6 @@ def test_all_modes_have_all_digits(name):
         ]
     assert max(off) < TO_THE_DIGITS
     assert np.abs(modes.shapes.T @ M @ modes.shapes - np.eye(len(M))).max() < TO_THE_DIGITS
-
-
-@pytest.mark.parametrize("slenderness", [1e2, 1e4, 1e5])
-def test_modes_of_a_beam_in_no_axis_direction(slenderness):
-    """Pairs that differ by less than K's rounding are left as they are: shapes stay orthonormal, none is lost."""
-    M, K = bodies.slender_beam(slenderness, turned=True)
-    modes = romerr.ElasticBody(M, K).all_modes()
-    straight = romerr.ElasticBody(*bodies.slender_beam(slenderness, turned=False)).all_modes()
-    rounding = 1e-16 * slenderness**2 * 100  # condition of K, 7e1 slenderness^2, times the rounding of its entries
-    np.testing.assert_allclose(modes.omega, straight.omega, rtol=rounding)
-    # P^T M P is formed of terms that cancel by the same ratio, squared once less
-    assert np.abs(modes.shapes.T @ M @ modes.shapes - np.eye(len(M))).max() < 1e-16 * slenderness**2
-
-
-@pytest.mark.parametrize("m", [1, 2, 3, 5])
-def test_few_modes_of_many_are_the_first_of_all(m):
-    """The next frequency, from which `cut` comes, is right as well: equal frequencies are cut just below."""
-    M, K = bodies.graded(1e6, 24)
-    few, every = romerr.ElasticBody(M, K).modes(m), romerr.ElasticBody(M, K).all_modes()
-    np.testing.assert_allclose(few.omega, every.omega[:m], rtol=TO_THE_DIGITS)
-    assert every.omega[m] * (1 - 2e-9) < few.cut < every.omega[m]
 
 
 @pytest.mark.parametrize("zeta", [1.05, 1.2, 100.0, 1e4])

@@ -7,7 +7,6 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr import AssumptionError, ElasticBody, InputError
-from tests.helpers import tolerances as tol
 from tests.helpers.bodies import Model, model
 from tests.helpers.theorem import check_theorem, random_case
 
@@ -84,21 +83,6 @@ def test_ratios_that_rayleigh_damping_has_give_its_bounds(seed):
     # one rate must suit all modes, Rayleigh's closed form is for those above a frequency: not the same, near
     ratio = other.position_bound["energy"][1:] / plain.position_bound["energy"][1:]
     assert np.all((0.3 < ratio) & (ratio < 3.0))
-
-
-def test_total_error_is_the_estimate():
-    """With all modes beside the reduced ones nothing is left of the error, time steps of the samples included."""
-    case = damped(random_case(8), RATIOS["few"])
-    report = case.report(
-        estimators="auxiliary", auxiliary_modes=case.model.N, time="reconstructed", input_function=case.load
-    )
-    out = report.output("y")
-    error = case.errors[0] @ case.C.T
-    size = np.max(np.abs(error))
-    assert size > 0.01 * np.max(np.abs(out.value))
-    left = np.abs(error - out.estimate)
-    assert np.all(left <= out.corrected_bound + tol.FULL_BODY * size)
-    assert np.max(left) < 1e-4 * size
 
 
 def test_modes_of_equal_frequency_are_those_of_the_damping():

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cache
 
-import exudyn as exu
 import mpmath
 import numpy as np
 import pytest
@@ -111,40 +110,6 @@ def test_single_precision_that_spoils_the_stiffness_is_named():
         romerr.ElasticBody(M, K.astype(np.float32), fixed=range(6))
 
 
-def test_report_says_at_round_off():
-    """36 of 114 modes: the reduction error is below what rounding of the matrices does, and the report says so."""
-    body, B, tip = linkage.build()
-    basis = romerr.krylov_basis(body, B, 36)
-    t = np.linspace(0, 0.05, 2001)
-    W = 2 * np.pi * linkage.FREQUENCY
-    q, q_t, q_tt = exact.reduced_solution(body, basis, B, linkage.AMPLITUDE, W).motion(t)
-    traj = romerr.Trajectory(t, q, q_t, q_tt, linkage.force(t))
-    options = {"inputs": B, "outputs": [tip], "time": "sampled", "auxiliary_modes": 60}
-    assert "at round-off" in str(romerr.evaluate(body, basis, traj, **options))
-    coarse = romerr.krylov_basis(body, B, 4)
-    q, q_t, q_tt = exact.reduced_solution(body, coarse, B, linkage.AMPLITUDE, W).motion(t)
-    traj = romerr.Trajectory(t, q, q_t, q_tt, linkage.force(t))
-    assert "at round-off" not in str(romerr.evaluate(body, coarse, traj, **options))
-
-
-def test_bounds_at_nodes_hold_rounding_too():
-    """A bending chain, all its modes kept, at rest in equilibrium: what is left of the error is rounding."""
-    n = 20
-    bend = np.diff(np.eye(n + 2), 2, axis=0)[:, 2:]
-    stiffness = 1e8 * bend.T @ bend
-    body = romerr.ElasticBody(np.eye(3 * n), np.kron(stiffness, np.eye(3)), positions=np.eye(n, 3))
-    V = np.linalg.qr(np.random.default_rng(0).standard_normal((3 * n, 3 * n)))[0]
-    load = np.eye(3 * n)[:, -1:]
-    q = np.tile(np.linalg.solve(V.T @ (body.stiffness @ V), V.T @ load)[:, 0], (2, 1))
-    traj = romerr.Trajectory([0.0, 1e-6], q, 0 * q, 0 * q, np.ones(2))
-    report = romerr.evaluate(body, romerr.Basis(V), traj, inputs=load, initial="equilibrium")
-    truth = mpmath.lu_solve(mpmath.matrix(stiffness.tolist()), mpmath.matrix([0] * (n - 1) + [1]))
-    error = np.abs(np.array(truth.tolist(), dtype=float)[:, 0] - (V @ q[0])[2::3])
-    assert error.max() > 0
-    for e, bound in report.node_bound.items():
-        assert np.all(error <= bound), e
-
-
 def test_a_report_cannot_be_written_to_where_the_run_goes_on():
     """A change in place would be in the next report, and in the bounds of a run that continues."""
     body, B, out = linkage.build()
@@ -231,19 +196,3 @@ def test_a_given_state_rings_with_its_rounding(name):
     out = case.left_behind(0.0, initial=(case.static, 0 * case.static), estimators=("fast", "energy", "auxiliary"))
     truth = PreciseModes(*ILL[name], (0.0, 0.0), 0 * case.b, 1.0, case.static)
     check_covered(out, truth.motion(case.t)[0][:, -1])
-
-
-@pytest.mark.parametrize("name", ILL)
-def test_a_static_error_and_a_released_run_are_known_to_their_rounding(name):
-    """In Exudyn; the load stays, and so does the full body."""
-    case, mbs = ill(name), exu.SystemContainer().AddSystem()
-    flex = romerr.add_reduced_body(mbs, case.body, case.basis, inputs=case.b[:, None], input_function=lambda t: 1.0)
-    monitor = romerr.attach(mbs, flex, outputs=[case.output])
-    mbs.Assemble()
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    mbs.SolveStatic(settings, updateInitialValues=True)
-    settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = 20, case.t[-1]
-    mbs.SolveDynamic(settings)
-    check_covered(monitor.report(0).output(LAST), case.static[-1])
-    check_covered(monitor.report(1).output(LAST), case.static[-1])

@@ -1,6 +1,5 @@
 """The paper's theorem: true error <= bound, exactly solved on both sides, for seeded combinations of everything."""
 
-from collections import Counter
 from dataclasses import replace
 from functools import cache
 
@@ -10,9 +9,8 @@ import scipy.linalg as la
 
 from exudyn_romerr import Basis
 from tests.helpers import tolerances as tol
-from tests.helpers.bodies import BODIES, DAMPINGS, model
-from tests.helpers.cases import BASES, INITIALS, Case
-from tests.helpers.loads import LOADS
+from tests.helpers.bodies import DAMPINGS, model
+from tests.helpers.cases import Case
 from tests.helpers.theorem import check_theorem, choice, first_mode_case, random_case, series
 
 SEEDS = range(300)
@@ -51,39 +49,17 @@ def test_half_of_the_bounds_are_sharp(seeds, what, e):
     assert 1.0 <= np.median(found) < tol.MEDIAN_EFFECTIVITY[what]
 
 
-@pytest.mark.parametrize(("seeds", "often"), [(FEW, 4), (SEEDS, 10)])
-def test_every_ingredient_is_drawn_often(seeds, often):
-    """Cases with every body, damping, basis, load and initial state, and with their rarer pairs."""
-    picks = [choice(seed) for seed in seeds]
-    drawn = Counter(name for p in picks for name in (p.body, p.damping, p.basis, p.load, p.initial))
-    assert min(drawn[name] for name in (*BODIES, *DAMPINGS, *BASES, *LOADS, *INITIALS)) >= often
-    petrov = Counter(p.initial for p in picks if p.basis.startswith("petrov"))
-    assert min(petrov[initial] for initial in INITIALS) >= often
-
-
 OTHER_KERNELS = [
     *(("spectrum", seed) for seed in range(1000, 1030) if choice(seed).damping in WITH_RAYLEIGH),
     *(("envelope", seed) for seed in range(1000, 1060) if choice(seed).damping in ("none", "under")),
 ]
 # a modal basis without load has no residual at all, a stiff body's is small beside its terms: see test_residual
-MODERATE = [s for s in range(2000, 2024) if choice(s).body in ("chain", "pencil") and choice(s).basis != "modal"]
 
 
 @pytest.mark.parametrize(("kernels", "seed"), OTHER_KERNELS)
 def test_other_kernels_bound_too(kernels, seed):
     """The spectrum's kernel (summed in blocks over all steps) and, where it is certified, the paper's envelope."""
     check_theorem(random_case(seed, steps=150), PAPER, kernels=kernels)
-
-
-@pytest.mark.parametrize("residual", ["direct", "expanded"])
-@pytest.mark.parametrize("seed", MODERATE)
-def test_other_residuals_give_the_same_bounds(residual, seed):
-    """Three ways of theory.md 6 agree where the residual is moderate: basis, damping and load are random."""
-    case = random_case(seed, steps=100)
-    reports = [case.report(estimators=PAPER, residual=name) for name in ("orthonormal", residual)]
-    for what in ("position", "velocity", "y", "v"):
-        wanted, found = (series(report, what, "fast") for report in reports)
-        assert np.max(np.abs(found - wanted)) < tol.CANCELLED * np.max(wanted)
 
 
 @pytest.mark.parametrize("kernels", ["certified", "spectrum"])
@@ -96,13 +72,6 @@ def test_bounds_are_attained_when_only_the_first_mode_is_excited(damping, start,
     limit = tol.NEARLY_ATTAINED if kernels == "spectrum" else tol.CERTIFIED_FACTOR
     for what, e in (("position", "fast"), ("position", "convolution"), ("y", "convolution")):
         assert found[what, e] < limit
-
-
-@pytest.mark.parametrize("damping", WITH_RAYLEIGH)
-def test_an_initial_displacement_attains_its_bound(damping):
-    """|Phi11| = 1 at once: C11 |e0|_M is attained."""
-    found = check_theorem(first_mode_case(damping, pulse=False, start="q0"), PAPER)
-    assert found["position", "fast"] < tol.NEARLY_ATTAINED
 
 
 @pytest.mark.parametrize("seed", range(3000, 3008))

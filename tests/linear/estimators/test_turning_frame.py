@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy.linalg as la
-from scipy.integrate import solve_ivp
 
 from exudyn_romerr import Basis, ElasticBody, Output
 from exudyn_romerr.linear.estimators.turning_frame import Turning
@@ -398,14 +397,6 @@ def test_true_errors_stay_below_their_bounds(seed, kind):
         assert_covered(bounds(seed, time)[kind])
 
 
-@pytest.mark.parametrize("time", TIMES)
-@pytest.mark.parametrize("name", tol.SLOW_SPIN)
-@pytest.mark.parametrize("seed", marked(seed for seed in SEEDS if damping(seed) != "matrix"))
-def test_all_modes_beside_a_slow_spin_leave_a_sharp_bound(seed, name, time):
-    """A merely huge bound fails: only what the spin adds, |w| up to 1 % of the first frequency, is not exact."""
-    assert effectivities(bounds(seed, time)["slow"])[name, "auxiliary"] < tol.SLOW_SPIN[name]
-
-
 @pytest.mark.parametrize(("kind", "e"), tol.MEDIAN_IN_SPIN)
 @pytest.mark.parametrize(
     ("seeds", "share"), [(FEW, tol.FEWER_SEEDS), pytest.param(SEEDS, 1.0, marks=pytest.mark.slow)], ids=["few", "all"]
@@ -456,20 +447,6 @@ def at_speeds(case, w0, al):
     return replace(case, moving=frames(case.moving.t, [(w0 * omega * axis, rate * axis)]))
 
 
-@pytest.mark.parametrize("w", [1.0, 1.01, 1.5])
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_no_bound_above_the_critical_speed(seed, w):
-    """From the first step on inf, never nan, and the report says why."""
-    case = at_speeds(scenario(seed), w, 0.0)
-    names = ALL[:3] if damping(seed) == "matrix" else ALL
-    report = case.run(0, case.offline(time="sampled", estimators=names))
-    for e in names:
-        assert np.isfinite(report.position_bound[e][0])
-        bounds = (report.position_bound[e], report.velocity_bound[e], *report.output("y").bound[e].T)
-        assert all(np.all(np.isposinf(bound[1:])) for bound in bounds)
-        assert f"inf from t = {report.t[1]:g} s: the frame turns faster" in report.reason(e)
-
-
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_bounds_end_where_a_run_up_crosses_the_critical_speed(seed):
     """Finite before, inf from the end of the step that reaches it."""
@@ -481,6 +458,7 @@ def test_bounds_end_where_a_run_up_crosses_the_critical_speed(seed):
     for e in names:
         assert np.array_equal(np.isposinf(report.position_bound[e]), too_fast)
         assert np.array_equal(np.isfinite(report.output("v").bound[e]).all(axis=1), ~too_fast)
+        assert f"inf from t = {report.t[np.argmax(too_fast)]:g} s: the frame turns faster" in report.reason(e)
 
 
 def test_a_sample_just_below_the_critical_speed():
@@ -564,36 +542,3 @@ def test_turning_forces_between_samples_count(seed, monkeypatch):
     monkeypatch.setattr(Turn, "of_curve", lambda self, *curve: self)
     for rows in between_samples(seed):
         assert any(np.any(error > bound + rounding) for _, _, error, bound, rounding in rows)
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_the_truth_agrees_with_a_runge_kutta_method(seed):
-    """Taylor's series of "sampled" against DOP853 in nodal coordinates, the equation written down again."""
-    case, k = scenario(seed), SPINS.index("tumbling")
-    free, t = case.body.free, case.moving.t[:41]
-    M, K = case.body.M.toarray(), case.body.K.toarray()
-    D = case.D[np.ix_(free, free)]
-    forces = case.forces[k][:, free]
-    al = case.moving.al[k]
-
-    def turning(matrix):
-        whole = np.kron(np.eye(NODES), matrix)
-        return (case.body.mass @ whole)[np.ix_(free, free)]
-
-    def rates(time, y):
-        i = min(max(np.searchsorted(t, time) - 1, 0), len(t) - 2)
-        s, h = time - t[i], t[i + 1] - t[i]
-        a = al[i] + (al[i + 1] - al[i]) * s / h
-        w = case.moving.w[k][i] + al[i] * s + (al[i + 1] - al[i]) * s**2 / (2 * h)
-        f = forces[i] + (forces[i + 1] - forces[i]) * s / h
-        u, v = np.split(y, 2)
-        left = D @ v + 2 * turning(skew(w)) @ v + K @ u + turning(skew(a) + skew(w) @ skew(w)) @ u
-        return np.concatenate([v, la.solve(M, f - left, assume_a="pos")])
-
-    y = np.concatenate(case.start[:, free])
-    for first, last in pairwise(t):  # kinks at the samples
-        y = solve_ivp(rates, (first, last), y, method="DOP853", rtol=1e-11, atol=1e-13, first_step=last - first).y[
-            :, -1
-        ]
-    found = case.errors["size"][0][k, 40] @ case.full.Y[free].T
-    assert np.max(np.abs(found - y[:FREE])) < tol.TAYLOR * np.max(np.abs(y[:FREE]))

@@ -1,7 +1,5 @@
 """What rigid (RBE2) interfaces make of the error is told apart from what missing modes make of it."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ import exudyn_romerr as romerr
 from exudyn_romerr.linear.residual.interface_stiffening import static_errors
 from exudyn_romerr.linear.residual.problem import BoundOptions, Problem
 from exudyn_romerr.model.admissible_space import Space
-from exudyn_romerr.report.report import BoundReport
 from models import floating, mechanisms
 
 # Static parts share out a moving body's error: off where the parts ring differently; measured 3e-4.
@@ -56,47 +53,11 @@ def test_estimate_has_the_part_of_rigid_interfaces_with_its_sign():
     assert not rigid.estimate_parts["interfaces"].any()
 
 
-@pytest.mark.parametrize("n", [4, 16])
-def test_advice_names_interfaces_whatever_the_number_of_modes(n):
-    report = welded(n=n)
-    name = next(iter(report.outputs))
-    assert re.search(r"\nRigid interfaces: .*: RBE3 modes cure that, no number of modes does\.\n", str(report))
-    assert max(report.output(name).verdict, key=lambda cause: report.output(name).verdict[cause].most) in (
-        "interfaces",
-        "sum",
-    )
-
-
 @pytest.mark.parametrize(("kind", "options"), [("RBE3", {}), ("RBE2", {"interfaces": "rigid"})])
 def test_there_is_no_such_share_where_interfaces_are_not_stiffened(kind, options):
     report = welded(kind, **options)
     assert not tip(report).causes["interfaces"].any()
     assert "RBE2" not in str(report)
-
-
-def test_outputs_of_a_mechanism_have_it_too():
-    """What it tells of them is an estimate."""
-    scene = mechanisms.double_pendulum(4, kind="RBE2", h=2e-3, t_end=0.02)
-    monitors = [romerr.attach(scene.mbs, romerr.floating_body(scene.fem, body)) for body in scene.bodies]
-    scene.solve()
-    for monitor in monitors:
-        report = monitor.report()
-        assert set(report.scope.values()) == {"coupled (linearised)"}
-        for out in report.outputs.values():
-            sizes = {cause: np.abs(part).max() for cause, part in out.estimate_parts.items()}
-            assert sizes["interfaces"] > 10 * sizes["basis"] > 0
-
-
-def test_reports_without_it_are_still_drawn(tmp_path):
-    """Those of 0.1."""
-    report = welded("RBE3")
-    for out in report.outputs.values():
-        del out.causes["interfaces"]
-    report.save(tmp_path / "old.npz")
-    loaded = romerr.load_report(tmp_path / "old.npz")
-    assert type(loaded) is BoundReport
-    loaded.plot_causes(tmp_path / "causes.png")
-    assert "RBE2" not in str(loaded)
 
 
 @pytest.mark.parametrize("rayleigh", [(2.0, 1e-5), None])

@@ -15,9 +15,7 @@ from exudyn_romerr.linear.residual.kernels import (
     SpectrumKernel,
     make_kernel,
 )
-from models.matrix_exponential import fundamental_matrix_norms
 from tests.helpers import tolerances as tol
-from tests.helpers.bodies import model
 
 KINDS = ("undamped", "under", "critical", "overdamped", "mixed", "mass", "stiffness")
 SPECTRA_PER_KIND = 300
@@ -154,33 +152,3 @@ def test_the_papers_envelope_is_a_bound_otherwise(kind):
         assert np.all(spectrum.phi11(t) <= envelope.phi11(t) * (1 + tol.CLOSED_FORM) + 1e-300)
         checked += 1
     assert checked > 50
-
-
-@pytest.mark.parametrize("damping", ["none", "under", "critical", "overdamped", "stiff"])
-def test_matrix_exponential_agrees_with_the_spectrum(damping):
-    """With G = M the blocks' norms are maxima over the modes."""
-    full = model("pencil", damping, 2)
-    t = np.linspace(0, 3, 40)
-    norms, spectrum = fundamental_matrix_norms(full.body, t), SpectrumKernel(full.body)
-    assert norms.Phi11 == pytest.approx(spectrum.phi11(t), rel=tol.EXPM, abs=tol.EXPM)
-    assert norms.Phi12 == pytest.approx(spectrum.phi12(t), rel=tol.EXPM, abs=tol.EXPM)
-    assert np.all(norms.Phi <= full.body.constants().C1 * (1 + tol.EXPM))
-
-
-@pytest.mark.parametrize("identity", [True, False])
-@pytest.mark.parametrize("damping", ["under", "gyroscopic"])
-def test_matrix_exponential_in_another_norm(damping, identity):
-    """|A|_G^2 is the largest eigenvalue of (A^T G A, G), for G = I and a random one."""
-    full = model("chain", damping, 3)
-    n, t = full.N, np.linspace(0, 1, 6)
-    A = np.random.default_rng(5).standard_normal((n, n))
-    G = np.eye(n) if identity else A @ A.T + np.eye(n)
-    norms = fundamental_matrix_norms(full.body, t, G)
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(full.M, full.K), -la.solve(full.M, full.D)]])
-    for k, Phi in enumerate(la.expm(t[:, None, None] * state)):
-        blocks = {"Phi11": Phi[:n, :n], "Phi12": Phi[:n, n:], "Phi21": Phi[n:, :n], "Phi22": Phi[n:, n:]}
-        for name, block in blocks.items():
-            wanted = np.sqrt(max(la.eigvalsh(block.T @ G @ block, G)[-1], 0.0))
-            assert getattr(norms, name)[k] == pytest.approx(wanted, rel=tol.ROOT, abs=tol.EXPM)
-        wanted = np.sqrt(la.eigvalsh(Phi.T @ la.block_diag(G, G) @ Phi, la.block_diag(G, G))[-1])
-        assert norms.Phi[k] == pytest.approx(wanted, rel=tol.ROOT)

@@ -77,17 +77,3 @@ def test_parts_are_those_of_their_causes(run):
         np.testing.assert_allclose(out.estimate_parts["basis"], error - free, rtol=0, atol=LINEAR_STEPS * largest)
         assert min(np.max(np.abs(free)), np.max(np.abs(error - free))) > 0.01 * largest
         assert not out.estimate_parts["jumps"].any()
-
-
-def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
-    run[0].save(tmp_path / "run.npz")
-    loaded = romerr.load_report(tmp_path / "run.npz")
-    for name, out in run[0].outputs.items():
-        again = loaded.output(name)
-        assert again.estimate_scope == "complete"
-        for field in ("estimate", "corrected", "corrected_bound"):
-            np.testing.assert_array_equal(getattr(again, field), getattr(out, field))
-        for field in ("bound", "reduction_bound", "causes"):
-            kept, before = getattr(again, field), getattr(out, field)
-            assert list(kept) == list(before)
-            assert all(np.array_equal(kept[key], x) for key, x in before.items())

@@ -19,7 +19,6 @@ from exudyn_romerr.linear.run.prepare import BoundOptions
 from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mechanism.mechanism import Mechanism
 from exudyn_romerr.model import body as body_module
-from exudyn_romerr.report.formats.load import load_report
 from models import floating, linkage
 from tests.helpers import mbs_scenes
 from tests.helpers.mechanism_runs import FROZEN, pendulum, solve, watch
@@ -185,13 +184,6 @@ def test_damping_has_columns_only_where_it_needs_them(rayleigh, residual, column
     assert (why or "") in left_out(part.plan).get("damping columns D V", "")
 
 
-def test_body_without_loads_has_no_load_columns():
-    """And says so."""
-    part = prepared(inputs=None, input_function=None)
-    assert part.coordinates.k == 12
-    assert left_out(part.plan)["load columns B"] == "nothing loads the body"
-
-
 def clamped(marker=False, **options):
     """A welded bar of 6 + 2 modes that 3 forces and gravity act on, and a monitor of its tip."""
     scene = floating.clamped_bar(2, h=2e-4, t_end=0.004)
@@ -231,17 +223,6 @@ def test_frame_that_turns_has_them(watched):
     assert (watched.made["mechanism"], watched.made["Turning"]) == (1, 2)  # told by the mechanism, which has its own
 
 
-def test_interface_without_load_or_joint_has_no_columns():
-    """A marker that nothing acts at, for a sensor say."""
-    (plain, without), (scene, with_marker) = clamped(), clamped(marker=True)
-    plain.mbs.Assemble(), scene.mbs.Assemble()
-    columns = [next(line for line in m.plan.computed if "residual:" in line) for m in (without, with_marker)]
-    assert columns[0] == columns[1]
-    new = set(left_out(with_marker.plan)) - set(left_out(without.plan))
-    assert [left_out(with_marker.plan)[name] for name in new] == ["no load, joint or connector acts there"]
-    assert "wrench at marker" in new.pop()
-
-
 # --- while a solve runs -----------------------------------------------------
 
 
@@ -269,23 +250,6 @@ def test_later_work_waits_until_it_is_asked_for(watched):
     assert [watched.made[name] for name in ("StaticError", "node_bounds")] == [0, 1]
     scene.mbs.SolveStatic(scene.settings)
     assert [watched.made[name] for name in ("StaticError", "node_bounds")] == [1, 1]
-
-
-def test_plan_of_a_solve_is_in_its_report_and_its_file(tmp_path):
-    """Short lines, one style, the same words from monitor, report and file."""
-    scene, monitor = clamped()
-    scene.mbs.Assemble()
-    plan = monitor.plan
-    scene.solve()
-    report = monitor.report()
-    assert report.plan == plan
-    report.save(tmp_path / "run.npz")
-    assert str(load_report(tmp_path / "run.npz").plan) == str(plan)
-    lines = str(plan).splitlines()
-    assert lines.index("computed:") == 0 < lines.index("left out:")
-    assert max(map(len, lines)) <= 118
-    assert all(line.startswith("  ") for line in lines if line not in ("computed:", "left out:"))
-    assert len(set(lines)) == len(lines)
 
 
 # --- imports ----------------------------------------------------------------
@@ -340,24 +304,3 @@ def test_solve_loads_nothing_that_draws(tmp_path):
     """Exudyn loads matplotlib's base by itself; no figures."""
     names = ("matplotlib.figure", "matplotlib.pyplot", "tkinter", "scipy.signal", "scipy.stats")
     assert loaded_after(SOLVED, names, tmp_path) == "[]"
-
-
-COUPLED = """
-import sys
-from models import mechanisms
-import exudyn_romerr as romerr
-scene = mechanisms.sprung_body(4, t_end=0.01)
-flex = romerr.floating_body(scene.fem, scene.bodies[0])
-monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("y", node=0, component="y")])
-scene.mbs.Assemble()
-before = set(sys.modules)
-scene.solve()
-assert "coupled (linearised)" in monitor.report().scope.values()
-late = sorted(name for name in set(sys.modules) - before if name.startswith(("scipy", "exudyn_romerr")))
-"""
-
-
-def test_modules_that_a_mechanism_needs_are_loaded_when_it_is_attached(tmp_path):
-    """Not within the solve: scipy.interpolate takes 0.1 s, as long as a short run."""
-    code = COUPLED + "assert late == [], late\n"
-    assert loaded_after(code, ("scipy.interpolate",), tmp_path) == "['scipy.interpolate']"
