@@ -90,7 +90,7 @@ def cases() -> list[Case | Refusal]:
         Case("n = N, solved", partial(chain, 0.1, n=5, solved=True), 1.1),
         Case("n = N, exact samples", partial(chain, 0.1, n=5, time="sampled"), np.inf, "Modes: enough, "),
         Refusal("massless coordinate", partial(small, bodies.massless(False)), r"coordinates \[2\]"),
-        Refusal("massless motion", partial(small, bodies.massless(True)), "1 by -1, 2 by 1"),
+        Refusal("massless motion", partial(small, bodies.massless(True)), "some motion has no inertia"),
         Case("held by 1e-12 of its stiffness", partial(scenes.held, 1e-12), 60),
         Refusal("held by 1e-16 of its stiffness", partial(scenes.held, 1e-16), "1 rigid-body"),
         Case("beam 1e6 times as long as thick", partial(scenes.beam, 1e6, False), 1.3),

@@ -24,8 +24,6 @@ FEW = 5_000  # coordinates; below, supernodes do not make up for finding and bui
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
 SAME = 4 * np.finfo(float).eps  # of a diagonal of 1
-LIFT = 1e-12  # of the diagonal, added to a singular matrix so that it can be factorised
-ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in each
 
 
 class SymmetricFactor:
@@ -121,22 +119,6 @@ def _scaled(matrix: sp.spmatrix) -> tuple[sp.csc_matrix, np.ndarray]:
     scale = np.where(scale > 0, scale, 1.0)
     inverse = sp.diags(1 / scale)
     return sp.csc_matrix(inverse @ matrix @ inverse), scale
-
-
-def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
-    """Return x (n,), largest entry 1, with x^T A x = 0 but for rounding; None if A has no such x, or is indefinite.
-
-    A has a positive diagonal and is singular; of several such x any one.
-    """
-    diagonal = matrix.diagonal()
-    factor = SymmetricFactor(matrix + sp.diags(LIFT * diagonal))
-    if not factor.definite:
-        return None
-    x = np.random.default_rng(0).standard_normal(len(diagonal))
-    for _ in range(ITERATIONS):
-        x = factor.solve(diagonal * x)
-        x /= np.abs(x).max()
-    return x if x @ (matrix @ x) <= LIFT * (x @ (diagonal * x)) else None
 
 
 def solver(n: int) -> str:

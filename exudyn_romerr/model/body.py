@@ -85,6 +85,7 @@ class ElasticBody:
         rigid: Sequence[Sequence[int]] = (),
         modal_damping: float | Sequence[float] | None = None,
     ):
+        self.results: dict[tuple[str, bytes], Any] = {}  # see shared_body.made_once
         self.precision = {"mass": precision(mass), "stiffness": precision(stiffness), "damping": precision(damping)}
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
@@ -107,7 +108,7 @@ class ElasticBody:
         self.M = self.M if self.damping is None else explicit(self.M)
         weighed, of = (self.mass, np.arange(self.N)) if isinstance(self.M, FreeMassMatrix) else (self.M, self.free)
         check_masses(weighed, of)
-        check_mass(weighed, self.mass_factor, of)
+        check_mass(self.mass_factor)
         if self.free.size > MANY:
             del self.mass_factor  # made again for the norms that need it: before these, others take the memory
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])

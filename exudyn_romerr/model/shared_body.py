@@ -7,6 +7,7 @@ as the fem is there. What counts is the numbers, not where they come from: a fem
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from hashlib import blake2b
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
@@ -22,8 +23,8 @@ Made = TypeVar("Made")
 
 # what bodies that something still holds were made of: two bodies of one fem, or scenes of a study one after the other
 _MADE: WeakKeyDictionary[ElasticBody, tuple[bytes, tuple[float, float]]] = WeakKeyDictionary()
-# fem -> body -> (kind, fingerprint) -> result; it must hold no fem, which would live for ever then
-_RESULTS: WeakKeyDictionary[Any, dict[ElasticBody, dict[tuple[str, bytes], Any]]] = WeakKeyDictionary()
+# what bodies and their results hold must hold no fem, which would live for ever then
+_KEPT: WeakKeyDictionary[Any, list[ElasticBody]] = WeakKeyDictionary()
 SAME = 1e-11  # of factors that are read from reduced matrices, which Exudyn rounds at 1e-13
 BODIES, RESULTS = 2, 4  # of a fem; of every kind of a body: two, with modes alone and with auxiliary vectors
 
@@ -52,34 +53,24 @@ def shared_body(
 
 def keep_with(fem: Any, body: ElasticBody) -> None:
     """Keep a body, with what is made of it, as long as its fem is there; BODIES of a fem."""
-    try:
-        kept = [(other, made) for other, made in _RESULTS.get(fem, {}).items() if other is not body]
-    except TypeError:  # a fem of another kind, which cannot tell when it goes
-        return
-    made = _results_of(body)
-    _RESULTS[fem] = dict([*kept[1 - BODIES :], (body, {} if made is None else made)])
+    with suppress(TypeError):  # a fem of another kind, which cannot tell when it goes
+        _KEPT[fem] = [*(other for other in _KEPT.get(fem, ()) if other is not body), body][-BODIES:]
 
 
 def made_once(body: ElasticBody, kind: str, of: Iterable[Any], make: Callable[[], Made], few: bool = False) -> Made:
     """Return make(), or what that returned before, of the same body and the same numbers.
 
     kind : of result. of : arrays, matrices, and what repr tells apart, of which alone it is made beside the body. The
-    result is shared: whoever gets it leaves it as it is. Of a body with more than MANY coordinates nothing is kept
-    beside it, but where it is a `few` columns: there memory is what is short.
+    result is shared: whoever gets it leaves it as it is. Of a body with more than MANY
+    coordinates nothing is kept, but where it is a `few` columns: there memory is what is short.
     """
-    made = _results_of(body)
-    if made is None or (body.N > MANY and not few):
+    if body.N > MANY and not few:
         return make()
-    key = kind, fingerprint(of)
+    made, key = body.results, (kind, fingerprint(of))
     made[key] = found = made.pop(key) if key in made else make()
     for old in [old for old in made if old[0] == kind][:-RESULTS]:
         del made[old]
     return found
-
-
-def _results_of(body: ElasticBody) -> dict[tuple[str, bytes], Any] | None:
-    """What was made of a body that is kept; None if it is not."""
-    return next((bodies[body] for bodies in _RESULTS.values() if body in bodies), None)
 
 
 def fingerprint(of: Iterable[Any]) -> bytes:

@@ -264,5 +264,5 @@ def test_matrices_that_are_no_bodies_of_nodes_are_not_called_swapped():
     chain = np.diag([2.0] * 6) - np.diag([1.0] * 5, 1) - np.diag([1.0] * 5, -1)
     assert romerr.ElasticBody(np.eye(6), chain).N == 6
     free = bar()[3]
-    with pytest.raises(romerr.InputError, match=r"mass is singular|mass is not positive"):
+    with pytest.raises(romerr.InputError, match="mass is not positive"):
         romerr.ElasticBody(free, free)

@@ -22,7 +22,7 @@ BODIES = {
     "mass indefinite": (lambda: ElasticBody(M - 2 * M[0, 0] * np.ones((N, N)), K), "mass"),
     "mass indefinite inside": (
         lambda: ElasticBody(np.eye(N) + 3 * (np.eye(N, k=1) + np.eye(N, k=-1)), K),
-        "mass is not positive definite: some motions have negative mass",
+        "mass is not positive definite: some motion has no inertia, or a negative one",
     ),
     "massless": (
         lambda: ElasticBody(np.diag([0.0] + [1.0] * (N - 1)), K),

@@ -5,11 +5,9 @@ import re
 import mpmath
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 import exudyn_romerr as romerr
 from exudyn_romerr.linalg.modal_oscillators import SEPARATE, phi_functions
-from exudyn_romerr.linalg.symmetric_factor import idle_motion
 from models import extreme
 from models import extreme_bodies as bodies
 from models.precise import DIGITS, PreciseModes
@@ -96,21 +94,3 @@ def test_a_slow_root_keeps_its_digits_beside_a_fast_one(zeta, fast):
     # some roundings; where both roots are near one another doublings multiply them by the fast one
     allowed = 1e-15 if zeta > SEPARATE else 1e-15 * max(fast, 1)
     np.testing.assert_allclose(found, np.array(expected, dtype=float), rtol=allowed, atol=1e-300)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_idle_motion_is_found(seed):
-    """A random singular mass matrix of one motion without inertia: that motion, up to its sign."""
-    rng = np.random.default_rng(seed)
-    idle, scale = rng.standard_normal(6), 10.0 ** rng.uniform(-6, 6, 6)  # units of translation, rotation, ...
-    away = np.eye(6) - np.outer(idle, idle) / (idle @ idle)
-    found = idle_motion(sp.csc_matrix(away / scale[:, None] / scale)) / scale
-    np.testing.assert_allclose(found / found[0], idle / idle[0], rtol=1e-6)  # LIFT 1e-12 over the other eigenvalues
-
-
-def test_indefinite_mass_has_no_idle_motion():
-    """A motion with negative inertia is not named as one without."""
-    M = bodies.chain(5)[0]
-    M[1:3, 1:3] = [[0.5, 0.6], [0.6, 0.5]]
-    with pytest.raises(romerr.InputError, match="negative mass"):
-        romerr.ElasticBody(M, np.eye(5))
