@@ -23,7 +23,6 @@ FEW = 5_000  # coordinates; below, supernodes do not make up for finding and bui
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
-SAME = 4 * np.finfo(float).eps  # of a diagonal of 1
 
 
 class SymmetricFactor:
@@ -39,10 +38,8 @@ class SymmetricFactor:
 
     def __init__(self, matrix: sp.spmatrix):
         scaled, scale = _scaled(matrix)
-        third = _third(scaled) if len(scale) >= FEW else None
-        self._copies, scaled = (1, scaled) if third is None else (3, third)
         self._scale = scale[:, None]
-        self._factor = (PardisoFactor if solver(scaled.shape[0]) == "pardiso" else SuperLUFactor)(scaled)
+        self._factor = (PardisoFactor if solver(len(scale)) == "pardiso" else SuperLUFactor)(scaled)
 
     @property
     def definite(self) -> bool:
@@ -57,7 +54,7 @@ class SymmetricFactor:
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for one vector (n,) or many (n, k), which may be a sparse matrix."""
         columns = right[:, None] if right.ndim == 1 else right
-        solved = by_columns(lambda part: self._of_all(self._factor.solve, part / self._scale) / self._scale, columns)
+        solved = by_columns(lambda part: self._factor.solve(part / self._scale) / self._scale, columns)
         return solved.reshape(right.shape)
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
@@ -65,27 +62,11 @@ class SymmetricFactor:
 
         Norms are taken there because products with A itself lose the square of the digits that this loses.
         """
-        return by_columns(lambda part: self._of_all(self._factor.half_solve, part / self._scale), right)
+        return by_columns(lambda part: self._factor.half_solve(part / self._scale), right)
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        return by_columns(lambda part: self._of_all(self._factor.half_multiply, part * self._scale), right)
-
-    def _of_all(self, function: Callable[[np.ndarray], np.ndarray], right: np.ndarray) -> np.ndarray:
-        """The function of the factor of A on all columns (n, k), where the matrix is A or A (x) I3."""
-        return function(right.reshape(len(right) // self._copies, -1)).reshape(right.shape)
-
-
-def _third(matrix: sp.csc_matrix) -> sp.csc_matrix | None:
-    """Return A of a matrix A (x) I3, equal but for rounding; None if it is no such matrix."""
-    n = matrix.shape[0]
-    if n % 3:
-        return None
-    parts = [matrix[i::3][:, i::3] for i in range(3)]
-    if sum(part.nnz for part in parts) < np.count_nonzero(matrix.data):
-        return None
-    same = max(abs(part - parts[0]).max() for part in parts[1:]) <= SAME
-    return sp.csc_matrix(parts[0]) if same else None
+        return by_columns(lambda part: self._factor.half_multiply(part * self._scale), right)
 
 
 class SubspaceFactor:

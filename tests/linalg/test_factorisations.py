@@ -54,26 +54,6 @@ def test_norms_and_solves_of_a_definite_matrix(kind):
     np.testing.assert_allclose(halves.T @ moved, forces.T @ motions, rtol=0, atol=1e-9 * abs(energy).max() ** 0.5)
 
 
-def test_mass_equal_in_three_directions_is_factorised_once(kind, monkeypatch):
-    """Norms and solves are those of the whole matrix; what is equal in two directions only is factorised whole."""
-    M, _ = bar()
-    monkeypatch.setattr(symmetric_factor, "FEW", 0)
-    factor, dense = SymmetricFactor(M), M.toarray()
-    assert factor.definite
-    forces = RNG.standard_normal((M.shape[0], 4))
-    solved, halves, moved = (of(forces) for of in (factor.solve, factor.half_solve, factor.half_multiply))
-    np.testing.assert_allclose(solved, la.solve(dense, forces), rtol=0, atol=1e-12 * abs(solved).max())
-    np.testing.assert_allclose(factor.solve(forces[:, 0]), solved[:, 0], rtol=0, atol=1e-13 * abs(solved).max())
-    for found, exact in ((halves.T @ halves, forces.T @ solved), (moved.T @ moved, forces.T @ dense @ forces)):
-        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * abs(exact).max())
-    np.testing.assert_allclose(halves.T @ moved, forces.T @ forces, rtol=0, atol=1e-12 * abs(forces.T @ forces).max())
-    uneven = M + sp.diags(np.where(np.arange(M.shape[0]) == 4, 1e-3 * M[4, 4], 0.0))
-    assert symmetric_factor._third(symmetric_factor._scaled(M)[0]) is not None
-    assert symmetric_factor._third(symmetric_factor._scaled(uneven)[0]) is None
-    solved = SymmetricFactor(uneven).solve(forces)
-    np.testing.assert_allclose(uneven @ solved, forces, rtol=0, atol=1e-12 * abs(forces).max())
-
-
 def test_inertia_next_to_eigenvalues(kind):
     """Counts are right 1e-9 beside an eigenvalue, where proofs that no mode is missed stand, and in clusters."""
     M, K = bar()
