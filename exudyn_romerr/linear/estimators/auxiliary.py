@@ -8,7 +8,7 @@ from ...linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ...linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import above
 from ..residual.problem import Problem
-from ..residual.segments import Block, Start
+from ..residual.samples import Block, Start
 from .bounds import Bounds
 from .energy import Energy, smallest
 

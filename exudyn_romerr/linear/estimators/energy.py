@@ -9,9 +9,9 @@ import numpy as np
 from ...linalg.blocked_products import decaying_sums
 from ...model.body import ElasticBody
 from ..residual.decay_rates import DecayRate, body_rates
-from ..residual.dual_norms import DualNorms, OutputNorms
 from ..residual.problem import Problem
-from ..residual.segments import Block, Start
+from ..residual.residual import DualNorms, OutputNorms
+from ..residual.samples import Block, Start
 from .bounds import Bounds, Estimator
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from ...linalg import oscillator
 from ...linalg.blocked_products import decaying_sums
-from ..residual.dual_norms import times
 from ..residual.kernels import LagTable
 from ..residual.problem import Problem
-from ..residual.segments import Block, Start
+from ..residual.residual import times
+from ..residual.samples import Block, Start
 from .bounds import Bounds, Estimator
 
 

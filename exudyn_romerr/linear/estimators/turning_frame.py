@@ -9,7 +9,7 @@ import numpy as np
 from ...linalg.blocked_products import decaying_sums
 from ..residual.decay_rates import body_rates
 from ..residual.problem import Problem
-from ..residual.segments import Block, Start
+from ..residual.samples import Block, Start
 from .bounds import Bounds, Estimator
 from .energy import smallest
 

@@ -12,7 +12,7 @@ from ...linalg.eigenmodes import count_below
 from ...linalg.orthogonalise import without
 from ...model.body import ElasticBody
 from .decay_rates import DecayRate, rayleigh_rates
-from .dual_norms import DualNorms, OutputNorms
+from .residual import DualNorms, OutputNorms
 
 AUTO_SHARE = 0.05  # of |C|_{K^-1} that may be left above the auxiliary modes
 AUTO_CAP = 60  # modes, where the reduced body rings in no more

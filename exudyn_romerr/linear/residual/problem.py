@@ -19,10 +19,9 @@ from ...errors import InputError
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs, precision
 from ...model.outputs import Output, stacked_rows
-from .dual_norms import DualNorms, OutputNorms
 from .kernels import KERNELS, Kernel, make_kernel
 from .modal_split import AuxiliaryModes, Split
-from .residual import RESIDUALS, ResidualMap
+from .residual import RESIDUALS, DualNorms, OutputNorms, ResidualMap
 
 
 class Deferred(NamedTuple):

@@ -24,8 +24,7 @@ from ...linalg.bezier import (
 from ...linalg.blocked_products import norms_times
 from .input_signal import InputSignal
 from .residual import Coordinates
-from .samples import Jump, Samples, piece_ends, without_empty
-from .segments import Block
+from .samples import Block, Jump, Samples, piece_ends, without_empty
 
 SAFETY = 6.0  # what lies between the checks may be larger: a single kink at its worst place 2.6 times
 SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at

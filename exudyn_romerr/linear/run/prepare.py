@@ -26,7 +26,7 @@ from ..estimators.turning_frame import Turning
 from ..residual.input_signal import InputSignal
 from ..residual.interface_stiffening import static_errors
 from ..residual.problem import BoundOptions, Problem
-from ..residual.segments import Start
+from ..residual.samples import Start
 from .planning import make_plan
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero

@@ -16,8 +16,7 @@ from ...report.scope import SMOOTHLY, Doubt
 from ..estimators.bounds import Bounds, Estimator, Worst, of_output
 from ..estimators.round_off import Rounded
 from ..residual.reconstruction import Quintic
-from ..residual.samples import GrowingArray, Samples
-from ..residual.segments import Block, Start
+from ..residual.samples import Block, GrowingArray, Samples, Start
 from .balance import Balance, SolverFacts
 from .prepare import Offline
 

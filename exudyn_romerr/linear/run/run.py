@@ -13,8 +13,7 @@ from ...model.floating_frame import FrameMotion, Turn
 from ...report.report import BoundReport
 from ...report.scope import Reason
 from ..residual.reconstruction import Linear, Quintic, Segmenter
-from ..residual.samples import Extension, Jump, Samples, checked_states, make_jumps
-from ..residual.segments import Block, Start
+from ..residual.samples import Block, Extension, Jump, Samples, Start, checked_states, make_jumps
 from .balance import UNKNOWN, SolverFacts
 from .prepare import Offline
 from .record import Internal, RunRecord, Stream

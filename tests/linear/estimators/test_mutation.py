@@ -7,8 +7,8 @@ import pytest
 
 from exudyn_romerr import Basis
 from exudyn_romerr.linear.estimators.paper import Convolution, Fast, MassNormEstimator
-from exudyn_romerr.linear.residual.dual_norms import OutputNorms
 from exudyn_romerr.linear.residual.kernels import CertifiedKernel, LagTable
+from exudyn_romerr.linear.residual.residual import OutputNorms
 from tests.helpers.bodies import Model, model
 from tests.helpers.cases import Case
 from tests.helpers.loads import Load
