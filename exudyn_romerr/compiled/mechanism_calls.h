@@ -170,7 +170,7 @@ static PyObject *frames_turned(PyObject *self, PyObject *arguments)
     return result;
 }
 
-#define FLOW_ARRAYS 10
+#define FLOW_ARRAYS 9
 #define FLOW                                                                                                           \
     "flow((T, n, c, columns, m, terms), (centre, scale, back), arrays, e, ends)\n\nby_series of mechanism_errors/flow.py: write "  \
     "ends (T, columns, 2 n), go on with e (columns, 2 n); return of how many steps."
@@ -179,18 +179,18 @@ static PyObject *flowed(PyObject *self, PyObject *arguments)
 {
     Flow all = {0};
     PyObject *given[FLOW_ARRAYS], *e, *ends, *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "(nnnnnn)(ddd)(OOOOOOOOOO)OO", &all.T, &all.n, &all.k, &all.c, &all.m, &all.terms,
+    if (!PyArg_ParseTuple(arguments, "(nnnnnn)(ddd)(OOOOOOOOO)OO", &all.T, &all.n, &all.k, &all.c, &all.m, &all.terms,
                           &all.centre, &all.scale, &all.back, given, given + 1, given + 2, given + 3, given + 4, given + 5, given + 6,
-                          given + 7, given + 8, given + 9, &e, &ends) ||
+                          given + 7, given + 8, &e, &ends) ||
         !are_sizes(5, all.T, 2 * all.n + all.k, 2 * all.n + all.k, all.c + 1, 8 * (all.m + 1)) ||
         !are_sizes(4, all.n, all.k, all.m, all.terms))
         return NULL;
     if (all.m > LOAD_TERMS || all.terms < 2)
         return PyErr_Format(PyExc_ValueError, "too many terms of loads, or no series");
-    const Size T = all.T, n = all.n, k = all.k, square = T * n * n;
-    const Size many[FLOW_ARRAYS] = {T, square, square, T * 2 * n, T * 2 * n, all.c * T * all.m * n, T * k * n, T * k * n,
+    const Size T = all.T, n = all.n, k = all.k;
+    const Size many[FLOW_ARRAYS] = {T, T * 2 * n * n, T * 2 * n, T * 2 * n, all.c * T * all.m * n, T * k * n, T * k * n,
                                     T * n * k, all.terms};
-    const double **into[FLOW_ARRAYS] = {&all.h, &all.A, &all.B, &all.y, &all.z, &all.loads, &all.C, &all.C1, &all.W,
+    const double **into[FLOW_ARRAYS] = {&all.h, &all.A, &all.y, &all.z, &all.loads, &all.C, &all.C1, &all.W,
                                         &all.factors};
     Py_buffer views[FLOW_ARRAYS + 2];
     Held held = {views, 0};

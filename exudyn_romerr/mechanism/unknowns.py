@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 
@@ -49,7 +50,8 @@ class TurningNode:
 class Unknowns:
     """Sizes: n_q coordinates of the mbs, n_a unknowns, m oscillators, in all n = n_a + m.
 
-    blocks, waves : slices of each body's unknowns and oscillators. plain : (coordinates, unknowns) that are the same.
+    blocks, waves : slices of each body's unknowns and oscillators. plain : slices of
+    (coordinates, unknowns) that are the same.
     kept : unknowns of kept vectors, which the mbs of the run does not have; own : all others. nodes : with Euler
     parameters, those of bodies first. turns : unknowns of their rotations.
     """
@@ -80,7 +82,7 @@ class Unknowns:
                 own += [*mine]
                 at += range(first, first + len(mine))
                 first += len(mine)
-        self.n_a, self.plain = first, (np.array(own, int), np.array(at, int))
+        self.n_a, self.plain = first, _runs(np.array(own, int), np.array(at, int))
         self.kept = np.array(kept, int)
         self.own = np.setdiff1d(np.arange(first), self.kept)
         for body in bodies:
@@ -111,8 +113,8 @@ class Unknowns:
     def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return J, J', J'' (3, ..., n_q, n_a): dq = J z of unknowns z in axes of bodies, with rates in global."""
         J = np.zeros((3, *q.shape[:-1], self.n_q, self.n_a))
-        own, at = self.plain
-        J[0][..., own, at] = 1.0
+        for own, at in self.plain:
+            J[0][..., own, at] = np.eye(own.stop - own.start)
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
             A = rotation_matrix(p) if node.is_frame else np.eye(3)
@@ -121,17 +123,42 @@ class Unknowns:
                 part[..., node.own[3:], dphi] = parameter_rates(x) @ A
         return J
 
-    def inverses(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return H, H', H'' (3, ..., n_a, n_q): z = H dq in global axes."""
-        H = np.zeros((3, *q.shape[:-1], self.n_a, self.n_q))
-        own, at = self.plain
-        H[0][..., at, own] = 1.0
+    def by_unknowns(self, X: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return X J (T, r, n_a) of X (T, r, n_q) in states q (T, n_q); J as `jacobians` has it, zero of vectors."""
+        found = np.zeros((*X.shape[:-1], self.n_a))
+        for own, at in self.plain:
+            found[..., at] = X[..., own]
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
-            H[0][..., dr, node.own[:3]] = np.eye(3)
-            for part, x in zip(H, (p, v[..., node.own[3:]], a[..., node.own[3:]]), strict=True):
-                part[..., dphi, node.own[3:]] = global_rates(x)
-        return H
+            A = rotation_matrix(p) if node.is_frame else np.eye(3)
+            found[..., dr] = X[..., node.own[:3]] @ A
+            found[..., dphi] = X[..., node.own[3:]] @ (parameter_rates(p) @ A)
+        return found
+
+    def by_coordinates(self, X: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return X H (T, r, n_q) of X (T, r, n_a or n): unknowns z = H dq in global axes, zero of vectors."""
+        found = np.zeros((*X.shape[:-1], self.n_q))
+        for own, at in self.plain:
+            found[..., own] = X[..., at]
+        for node in self.nodes:
+            dr, dphi = node.shifts_and_turns
+            found[..., node.own[:3]] = X[..., dr]
+            found[..., node.own[3:]] = X[..., dphi] @ global_rates(node.parameters(q))
+        return found
+
+    def of_coordinates(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Return e (T, 3, n_q, columns), with rates, in unknowns (T, 3, n, columns) in global axes; no vectors."""
+        z = np.zeros((*e.shape[:2], self.n, e.shape[3]))
+        for own, at in self.plain:
+            z[:, :, at] = e[:, :, own]
+        for node in self.nodes:
+            dr, dphi = node.shifts_and_turns
+            z[:, :, dr] = e[:, :, node.own[:3]]
+            H = [global_rates(x) for x in (node.parameters(q), v[:, node.own[3:]], a[:, node.own[3:]])]
+            d = e[:, :, node.own[3:]]
+            for order in range(3):
+                z[:, order, dphi] = sum(comb(order, k) * (H[k] @ d[:, order - k]) for k in range(order + 1))
+        return z
 
     def in_body_axes(self, z: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Return unknowns z (..., n or n_a) with frames of bodies turned from global axes into the bodies'."""
@@ -156,9 +183,9 @@ class Unknowns:
         Frames move along the screw of their dr and dphi, as bodies do in Motion.moved.
         """
         moved = [x.copy() for x in states]
-        own, at = self.plain
         for x, y in zip(moved, z, strict=True):
-            x[..., own] += y[..., at]
+            for own, at in self.plain:
+                x[..., own] += y[..., at]
         for node in self.nodes:
             place, turn = node.own[:3], node.own[3:]
             shift, phi = ([y[..., part] for y in z] for part in node.shifts_and_turns)
@@ -168,3 +195,10 @@ class Unknowns:
                 x[..., place] += by
                 x[..., turn] += there - before
         return moved
+
+
+def _runs(own: np.ndarray, at: np.ndarray) -> list[tuple[slice, slice]]:
+    """Slices of two arrays of numbers, in each of which both count up by one."""
+    breaks = np.flatnonzero((np.diff(own) != 1) | (np.diff(at) != 1)) + 1
+    pairs = zip(np.split(own, breaks), np.split(at, breaks), strict=True)
+    return [(slice(x[0], x[-1] + 1), slice(y[0], y[-1] + 1)) for x, y in pairs if len(x)]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .half_widths import CauseEstimate
 
 LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LINEAR_STEPS}  # checks by cause
-BLOCK, NEIGHBOURS = 256, 2  # rows that are worked at once (of 128 more time goes between loops), and beside them
+BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once (256 of 30 modes leave the cache), and beside them
 
 
 def estimates(

@@ -45,7 +45,7 @@ class InnerLoads(Protocol):
 class Flow:
     """Errors of the time integration, block after block.
 
-    columns : the best loads; a second opinion of these; where user functions may jump, how far means may be off.
+    columns : the best loads; a second opinion of these; once loads have jumped, how far their means may be off.
     e (columns, 2 n_q) : after the last row, of coordinates and rates. fastest : largest |lambda| h met. drift :
     largest |v - v~|_M over |v|_M, rates off the constraints.
     """
@@ -63,8 +63,7 @@ class Flow:
         """
         self._unknowns, self._constraints, self._count, self._inner = unknowns, constraints, count, inner
         self._looks_inside = inner.is_shifting  # stays so once it is
-        self.columns = 3 if inner.is_shifting else 2
-        self.e = np.zeros((self.columns, 2 * unknowns.n_q))
+        self.e = np.zeros((2, 2 * unknowns.n_q))
         if e is not None:
             self.e[:] = e[:1]
         self._off = self._rate = self.fastest = 0.0
@@ -86,9 +85,6 @@ class Flow:
         a = a + times(inverses[:, :n, :n], times(system.D, rows.v - v))  # dampers feel other rates
         if delay is not None:
             a = a + times(inverses[:, :n, :n], delay)
-        found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
-        if first == 0:
-            found[0, :2] = self.e.T.reshape(2, n, self.columns)
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
             beyond = np.arange(steps[0], min(steps[-1] + 2, len(h)))
@@ -99,13 +95,16 @@ class Flow:
             self.fastest = max(self.fastest, pace)
             self._looks_inside |= pace > FAST
             loads = self._loads(rows, v, a, frozen, inverses, steps)
+        found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
+        if first == 0:
+            found[0, :2] = self.e.T.reshape(2, n, self.columns)
+        if len(steps):
             ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
-            a21, a22, b21, b22 = around.between(len(steps))
-            found[where, 2] = a21 @ x + a22 @ w
-            forces = (b21 @ x + b22 @ w)[:, : len(self._constraints)]
-            lam[where[:, None], self._constraints] = forces
+            both, (A, B) = np.concatenate([x, w], axis=1), around.between(len(steps))
+            found[where, 2] = A @ both
+            lam[where[:, None], self._constraints] = (B @ both)[:, : len(self._constraints)]
         own = slice(first, first + count)
         lam[:, self._constraints] += self._of_multipliers(
             system[own], inverses[own], rows.v[own] - v[own], rows.a[own] - a[own]
@@ -129,6 +128,11 @@ class Flow:
         return times(inverses[:, n : n + c], forces)[..., None]
 
     @property
+    def columns(self) -> int:
+        """See the class."""
+        return len(self.e)
+
+    @property
     def drift(self) -> float:
         """Largest |v - v~|_M over the largest |v|_M, by the diagonal of M; 0 where nothing moves."""
         return self._off / self._rate if self._rate else 0.0
@@ -145,16 +149,19 @@ class Flow:
         """Coefficients (columns, T, m, n) over steps."""
         first, weights = cubics(rows.t, at)
         near = first[:, None] + np.arange(weights.shape[2])
-        dq = rows.q[near] - rows.q[at, None]
-        phi = a[near] - dq @ frozen.a21.swapaxes(1, 2) - v[near] @ frozen.a22.swapaxes(1, 2)
+        moved = np.concatenate([rows.q[near] - rows.q[at, None], v[near]], axis=2)
+        phi = a[near] - moved @ frozen.A.swapaxes(1, 2)
         cubic = weights @ phi
         if self._looks_inside:
             inner, margin = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, inverses, at, cubic)
             m = max(inner.shape[1], cubic.shape[1])
             inner, cubic = (np.pad(x, ((0, 0), (0, m - x.shape[1]), (0, 0))) for x in (inner, cubic))
+            if self.columns == 2 and not margin.any():
+                return np.stack([inner, cubic])
+            self.e = np.concatenate([self.e[:2], self.e[2:] if self.columns > 2 else self.e[:1]])
             wide = inner.copy()
             wide[:, 0] += margin
-            return np.stack([inner, cubic, wide][: self.columns])
+            return np.stack([inner, cubic, wide])
         linear, k = np.zeros_like(cubic), (at - first)[:, None]
         begin, end = (np.take_along_axis(phi, (k + i)[..., None], axis=1)[:, 0] for i in (0, 1))
         linear[:, 0], linear[:, 1] = begin, end - begin
@@ -228,7 +235,7 @@ def by_series(
     """
     T, n, m = len(h), y.shape[1] // 2, loads.shape[2]
     e, ends = e.copy(), np.empty((T, len(e), 2 * n))
-    arrays = h, frozen.a21, frozen.a22, y, z, loads, frozen.C, frozen.C1, frozen.W, series.factors
+    arrays = h, frozen.A, y, z, loads, frozen.C, frozen.C1, frozen.W, series.factors
     sizes = T, n, frozen.C.shape[1], len(e), m, len(series.factors)
     ellipse = series.centre, 1 / series.gamma, -series.r / series.gamma
     done = loops.flow(sizes, ellipse, tuple(map(np.ascontiguousarray, arrays)), e, ends)
@@ -243,7 +250,7 @@ def by_exponentials(
     ends, whole = np.empty((T, len(e), 2 * n)), np.zeros((T, *2 * [2 * n + len(e) * m]))
     one, two = h[:, None, None], h[:, None]
     whole[:, :n, n : 2 * n] = np.eye(n)
-    whole[:, n : 2 * n, :n], whole[:, n : 2 * n, n : 2 * n] = frozen.a21 * one**2, frozen.a22 * one
+    whole[:, n : 2 * n, :n], whole[:, n : 2 * n, n : 2 * n] = frozen.A[:, :, :n] * one**2, frozen.A[:, :, n:] * one
     for column in range(len(e)):
         first = 2 * n + column * m
         for k in range(m):
@@ -257,14 +264,3 @@ def by_exponentials(
         e = np.concatenate(frozen.projected(z[i, :n, None] - x[:n], (z[i, n:, None] - x[n:]) / h[i], i)).T
         ends[i] = e
     return ends
-
-
-def in_unknowns(rows: Rows, unknowns: Unknowns, e: np.ndarray) -> np.ndarray:
-    """Return e (T, 3, n_q, columns) in unknowns in global axes (T, 3, n, columns), zero of vectors."""
-    n_a = unknowns.n_a
-    H, H1, H2 = unknowns.inverses(rows.q, rows.v, rows.a)
-    found = np.zeros((len(rows), 3, unknowns.n, e.shape[-1]))
-    found[:, 0, :n_a] = H @ e[:, 0]
-    found[:, 1, :n_a] = H @ e[:, 1] + H1 @ e[:, 0]
-    found[:, 2, :n_a] = H @ e[:, 2] + 2 * H1 @ e[:, 1] + H2 @ e[:, 0]
-    return found

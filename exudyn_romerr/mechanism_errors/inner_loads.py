@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.mechanism import OtherEquations
-from ..mechanism.rotations import times, times_transposed
+from ..mechanism.rotations import times
 from ..mechanism.rows import Rows
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, cubics
@@ -92,7 +92,7 @@ class TrueLoads:
         given, s = np.concatenate([forces, bend], axis=2), shares.T[:, :, None]
         begin, end = (times(inverses[i, : a.shape[2]], given) for i in (at, at + 1))
         true = a - (1 - s) * begin - s * end
-        return (true - times(frozen.a21, q - rows.q[at]) - times(frozen.a22, v)).swapaxes(0, 1)
+        return (true - times(frozen.A, np.concatenate([q - rows.q[at], v], axis=2))).swapaxes(0, 1)
 
     def _of_bodies(self, states: Rows) -> np.ndarray:
         """Forces (T, n_q) of the bodies' own, in coordinates of the mbs."""
@@ -100,7 +100,7 @@ class TrueLoads:
         forces = np.zeros((len(states), u.n_a))
         for body, at in zip(u.bodies, u.blocks, strict=True):
             forces[:, at.start : at.start + 6 + body.n] = body.residual(body.motion(states))[:, : 6 + body.n]
-        return times_transposed(u.inverses(states.q, states.v, states.a)[0], u.in_global_axes(forces, states.q))
+        return u.by_coordinates(u.in_global_axes(forces, states.q)[:, None], states.q)[:, 0]
 
     def _constraints(self, rows: Rows, at: np.ndarray, shares: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Coefficients (T, points + 2, c) over steps of what constraints keep zero: ends, and the points inside."""

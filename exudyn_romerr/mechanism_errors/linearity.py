@@ -6,6 +6,8 @@ force is not smooth, as that of a stop, first order says nothing, and no reading
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
@@ -40,6 +42,17 @@ class Linearity:
 
         e (T, 3, n_a) in global axes, lam (T, c) : what all errors together move.
         """
+        at = self._rows(block, first, e)
+        if len(at):
+            part = block[at]
+            left, g = nonlinear_forces(self._of, part, e[at], lam[at], unmoved_forces(self._of, part))
+            self._looks += [*missed_sizes(self._of, part, e[at], left, g)]
+
+    def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
+        """Numbers of rows of a block that are looked at, where there are errors e (T, 3, n_a)."""
+        has_errors = e.any(axis=(1, 2))
+        if self._of.has_forces_by_users:  # which need not be smooth: few rows do not tell
+            return np.flatnonzero(has_errors)
         masses = np.einsum("tii->ti", block.M)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
@@ -48,10 +61,7 @@ class Linearity:
             for a in range(0, len(block), PART)
             for i in _rows(*(x[a : a + PART] for x in (block.rows.a, e[:, 0], masses)))
         }
-        at = np.array([i for i in sorted(rows | set(doubtful)) if e[i].any()], int)
-        if len(at):
-            part = block[at]
-            self._looks += [*missed_sizes(self._of, part, e[at], *nonlinear_forces(self._of, part, e[at], lam[at]))]
+        return np.array([i for i in sorted(rows | set(doubtful)) if has_errors[i]], int)
 
 
 def missed_sizes(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -91,16 +101,23 @@ def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:
     return rows
 
 
-def nonlinear_forces(of: Mechanism, block: Block, e: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def unmoved_forces(of: Mechanism, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    """Return Exudyn's M a - f + G^T lam (T, n_a), in axes of bodies, and g (T, all) at rows as they are."""
+    t, q, v, a, forces = vars(block.rows).values()
+    return of.equations.moved_forces(t, (q, v, a), np.zeros((len(block), 3, len(of.unknowns.kept))), forces)
+
+
+def nonlinear_forces(
+    of: Mechanism, block: Block, e: np.ndarray, lam: np.ndarray, unmoved: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return what linear equations miss at rows: of forces (T, n_a), in global axes, and of constraints (T, c).
 
-    e (T, 3, n_a), lam (T, c) : errors there.
+    e (T, 3, n_a), lam (T, c) : errors there. unmoved : what unmoved_forces() says of these rows.
     """
-    u, others, (t, q, v, a, forces) = of.unknowns, of.equations, vars(block.rows).values()
+    u, others, (t, q, v, a, forces), (here, g) = of.unknowns, of.equations, vars(block.rows).values(), unmoved
     errors = [*np.moveaxis(e, 1, 0)]
     kept, more = np.stack([x[:, u.kept] for x in errors], axis=1), np.zeros_like(forces)
     more[:, others.independent] = lam
-    here, g = others.moved_forces(t, (q, v, a), 0 * kept, forces)
     there, moved_g = others.moved_forces(t, u.moved((q, v, a), errors), kept, forces + more)
     linear = sum(times(X, x) for X, x in zip(block.rest, errors[::-1], strict=True))
     left = u.in_global_axes(there - here, q) - linear - times(block.G.swapaxes(1, 2), lam)

@@ -18,7 +18,7 @@ from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 from .factors import Factors, factors_of
 from .half_widths import Largest
-from .linearity import PART, largest_shares, missed_sizes, nonlinear_forces
+from .linearity import PART, largest_shares, missed_sizes, nonlinear_forces, unmoved_forces
 from .march import March, State
 
 if TYPE_CHECKING:
@@ -59,7 +59,12 @@ class MissedForces:
         -------
         kicks (T, n) to be added; what comes of them (T, 3, n), (T, c); for bounds the same of what is still missed
         """
-        kicks, g = np.zeros((len(block), self._of.unknowns.n)), np.zeros(lam.shape)
+        T, n_a = len(block), self._of.unknowns.n_a
+        self._is_known, self._unmoved = (
+            np.zeros(T, bool),
+            [np.zeros((T, n_a)), np.zeros(block.rows.multipliers.shape)],
+        )
+        kicks, g = np.zeros((T, self._of.unknowns.n)), np.zeros(lam.shape)
         rows, added = self._rows(block, first, e), (np.zeros(e.shape), np.zeros(lam.shape))
         missed = self._missed(block, rows, e, lam)
         share, counts = self._shares(block, rows, e, missed).max(), FOR_BOUNDS if self._for_bounds else COUNTS
@@ -120,7 +125,13 @@ class MissedForces:
         """Kicks (rows, n) and what constraints (rows, c) shall see, for what linear equations miss."""
         u, kicks, g = self._of.unknowns, np.zeros((len(rows), e.shape[2])), np.zeros((len(rows), lam.shape[1]))
         if len(rows):
-            left, bent = nonlinear_forces(self._of, block[rows], e[rows, :, : u.n_a], lam[rows])
+            part, new = block[rows], rows[~self._is_known[rows]]
+            if len(new):  # other errors are asked about in the same rows
+                for known, x in zip(self._unmoved, unmoved_forces(self._of, block[new]), strict=True):
+                    known[new] = x
+                self._is_known[new] = True
+            unmoved = [x[rows] for x in self._unmoved]
+            left, bent = nonlinear_forces(self._of, part, e[rows, :, : u.n_a], lam[rows], unmoved)
             kicks[:, : u.n_a], g = -left, -bent
         return kicks, g
 
@@ -161,7 +172,9 @@ class MissedFeedback:
         """Go on through a block that begins with row `first`, under errors e (T, 3, n_a), lam (T, c)."""
         of, block, kicks = self._of, block.as_if_at_once(), np.zeros((len(block), self._of.unknowns.n, 1))
         every = slice(int(first == 0), None)
-        kicks[every, : of.unknowns.n_a, 0] = -nonlinear_forces(of, block[every], e[every], lam[every])[0]
+        part = block[every]
+        left, _ = nonlinear_forces(of, part, e[every], lam[every], unmoved_forces(of, part))
+        kicks[every, : of.unknowns.n_a, 0] = -left
         h = np.diff(block.rows.t, prepend=self._before if first else block.rows.t[0] - 1.0)
         self._before = block.rows.t[-1]
         d, forces = self._march.through(block, factors_of(block, h, of.unknowns, of.scheme), kicks)

@@ -7,6 +7,7 @@ from math import factorial
 
 import numpy as np
 
+from ..mechanism.rotations import global_rates
 from ..mechanism.rows import Samples
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
@@ -28,15 +29,17 @@ class ReducedSystem(Samples):
     @classmethod
     def of(cls, block: Block, unknowns: Unknowns) -> ReducedSystem:
         """Turn the tangents of a block, without vectors, into coordinates of the mbs."""
-        u, rows, own = unknowns, block.rows, unknowns.own
-        H, H1, H2 = (x[:, own] for x in u.inverses(rows.q, rows.v, rows.a))
-        M, D, K = (x[:, own][:, :, own] for x in (block.M, block.D, block.K))
+        u, rows = unknowns, block.rows
+        M, D, K, G, C = (u.by_coordinates(x, rows.q) for x in (block.M, block.D, block.K, block.G, block.C))
         unit = np.zeros((len(rows), len(u.nodes), u.n_q))
         for k, node in enumerate(u.nodes):
-            unit[:, k, node.own[3:]] = node.parameters(rows.q)
-        C, G = (np.concatenate([x[:, :, own] @ H, unit], axis=1) for x in (block.C, block.G))
-        H_t = H.swapaxes(1, 2)
-        return cls(H_t @ M @ H, H_t @ (D @ H + 2 * M @ H1), H_t @ (K @ H + D @ H1 + M @ H2), G, C)
+            own, turns = node.own[3:], node.shifts_and_turns[1]
+            unit[:, k, own] = node.parameters(rows.q)
+            H1, H2 = global_rates(rows.v[:, own]), global_rates(rows.a[:, own])
+            D[..., own] += 2 * block.M[..., turns] @ H1
+            K[..., own] += block.D[..., turns] @ H1 + block.M[..., turns] @ H2
+        M, D, K = (u.by_coordinates(x.swapaxes(1, 2), rows.q).swapaxes(1, 2) for x in (M, D, K))
+        return cls(M, D, K, *(np.concatenate([x, unit], axis=1) for x in (G, C)))
 
 
 def saddle_inverses(M: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray:
@@ -63,16 +66,15 @@ def cubics(t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class FrozenSteps(Samples):
-    """Equations frozen in the middle of T steps: d'' = a21 d + a22 d' + loads, of the coordinates.
+    """Equations frozen in the middle of T steps: d'' = A (d, d') + loads, of the coordinates.
 
-    b21, b22 : multipliers of d, d'. C, C1, W (T, c, n) twice, (T, n, c) : at the ends of steps, constraints, their
-    rates, what takes violations out without moving what is stiff. masses (T, n) : the diagonal of M.
+    A (T, n, 2 n). B (T, c, 2 n) : multipliers of (d, d'). C, C1, W (T, c, n) twice, (T, n, c) : at the ends of steps,
+    constraints, their rates, what takes violations out without moving what is stiff. masses (T, n) : the diagonal
+    of M.
     """
 
-    a21: np.ndarray
-    a22: np.ndarray
-    b21: np.ndarray
-    b22: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
     C: np.ndarray
     C1: np.ndarray
     W: np.ndarray
@@ -87,21 +89,17 @@ class FrozenSteps(Samples):
         around = system.C[first[:, None] + np.arange(weights.shape[2])]
         powers = np.einsum("tpk,tkcn->ptcn", weights, around)
         C1, C2 = (_derivative(powers, 0.5, order) / h**order for order in (1, 2))
-        A1, A2, B1, B2 = X[:, :n, :n], X[:, :n, n:], X[:, n:, :n], X[:, n:, n:]
+        rates = X @ np.concatenate([np.concatenate([-K, -C2], axis=1), np.concatenate([-D, -2 * C1], axis=1)], axis=2)
         M, K_end, C = system.M[at + 1], system.K[at + 1], system.C[at + 1]
         stiff = M + h**2 * np.maximum(np.diagonal(K_end, axis1=1, axis2=2), 0)[:, None] * np.eye(n)
         W = saddle_inverses(stiff, C, C)[:, :n, n:]  # bordered: Euler parameters have no mass along themselves
-        by_q, by_v = K, D
-        return cls(
-            *(-(A1 @ by_q + A2 @ C2), -(A1 @ by_v + 2 * A2 @ C1)),
-            *(-(B1 @ by_q + B2 @ C2), -(B1 @ by_v + 2 * B2 @ C1)),
-            *(C, _derivative(powers, 1.0, 1) / h, W, np.maximum(np.einsum("tii->ti", M), 0.0)),
-        )
+        masses = np.maximum(np.einsum("tii->ti", M), 0.0)
+        return cls(rates[:, :n], rates[:, n:], C, _derivative(powers, 1.0, 1) / h, W, masses)
 
     def between(self, count: int) -> list[np.ndarray]:
-        """Return a21, a22, b21, b22 at the rows where the first `count` steps and the next ones join: their means."""
-        after = np.minimum(np.arange(count) + 1, len(self.a21) - 1)
-        return [(x[:count] + x[after]) / 2 for x in (self.a21, self.a22, self.b21, self.b22)]
+        """Return A, B at the rows where the first `count` steps and the next ones join: their means."""
+        after = np.minimum(np.arange(count) + 1, len(self.A) - 1)
+        return [(x[:count] + x[after]) / 2 for x in (self.A, self.B)]
 
     def projected(self, x: np.ndarray, w: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
         """Return errors x (n, columns) and their rates w that obey the constraints at the end of step i."""
@@ -110,9 +108,9 @@ class FrozenSteps(Samples):
 
     def eigenvalues(self, h: np.ndarray) -> np.ndarray:
         """Return lambda h of first, middle, last step."""
-        n, found = self.a21.shape[1], []
+        n, found = self.A.shape[1], []
         for i in sorted({0, len(h) // 2, len(h) - 1}):
-            whole = np.block([[np.zeros((n, n)), np.eye(n)], [h[i] ** 2 * self.a21[i], h[i] * self.a22[i]]])
+            whole = np.block([[np.zeros((n, n)), np.eye(n)], [h[i] ** 2 * self.A[i, :, :n], h[i] * self.A[i, :, n:]]])
             found.append(np.linalg.eigvals(whole))
         return np.concatenate(found)
 

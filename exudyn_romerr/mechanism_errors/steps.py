@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linear.estimators.causes import FEEDBACK, LINEAR_STEPS
-from .flow import Flow, in_unknowns
+from .flow import Flow
 from .half_widths import CauseEstimate, Largest, unchecked
 from .inner_loads import TrueLoads
 from .reduced_system import ReducedSystem
@@ -49,13 +49,16 @@ class Steps:
             delay, wide = of.equations.delay(wide.rows), wide.as_if_at_once()
         system = ReducedSystem.of(wide, of.unknowns)
         e, lam = self.flow(wide.rows, system, inner.start, inner.stop - inner.start, delay)
-        e = in_unknowns(wide.rows[inner], of.unknowns, e)
+        rows = wide.rows[inner]
+        e = of.unknowns.of_coordinates(rows.q, rows.v, rows.a, e)
         y = of.outputs(first, -e, -lam)
-        self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1], jumps=y[..., 0] - y[..., -1])
+        self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1])
+        if self.flow.columns > 2:
+            self._largest.add(jumps=y[..., 0] - y[..., 2])
         if self._is_sampled and len(e) > 1:
             # what a delayed force makes of accelerations, and what deflections take back, is far larger than the rest
             other = e[..., :1].copy()
-            other[:, 2] = np.gradient(other[:, 1], wide.rows.t[inner], axis=0)
+            other[:, 2] = np.gradient(other[:, 1], rows.t, axis=0)
             self._largest.add(delayed=y[..., 0] - of.outputs(first, -other, -lam[..., :1])[..., 0])
         self._kept.append(y[..., 0])
         return e[..., 0], lam[..., 0]

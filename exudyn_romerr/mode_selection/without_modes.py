@@ -16,7 +16,6 @@ import numpy as np
 
 from ..mechanism.tangents import block_of
 from ..mechanism_errors.factors import bordered_inverses, bordered_pseudoinverses
-from ..mechanism_errors.flow import in_unknowns
 from ..mechanism_errors.march import is_at_rest, predicted
 from ..mechanism_errors.reduced_system import ReducedSystem
 
@@ -129,7 +128,7 @@ class WithoutModes:
         """What outputs show of changes of coordinates d (T, 3, n_q, modes)."""
         wide = np.zeros((len(rows), self._rows.multipliers.shape[1], d.shape[-1]))
         wide[:, self._independent] = self._sign * lam[:, : len(self._independent)]
-        return self._outputs(first, in_unknowns(rows, self._unknowns, d), wide)
+        return self._outputs(first, self._unknowns.of_coordinates(rows.q, rows.v, rows.a, d), wide)
 
 
 def _known(largest: np.ndarray, extents: np.ndarray) -> np.ndarray:

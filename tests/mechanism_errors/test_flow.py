@@ -140,9 +140,7 @@ def test_what_is_faster_than_the_series_is_found(monkeypatch):
 def test_terms_that_overflow_have_not_converged():
     """Of a step a hundred times as fast as the ellipse of 160 terms: 1e320."""
     none, one = np.zeros((1, 0, 1)), np.ones((1, 2))
-    frozen = SimpleNamespace(
-        a21=-1e8 * np.ones((1, 1, 1)), a22=np.zeros((1, 1, 1)), C=none, C1=none, W=np.zeros((1, 1, 0))
-    )
+    frozen = SimpleNamespace(A=np.array([[[-1e8, 0.0]]]), C=none, C1=none, W=np.zeros((1, 1, 0)))
     series = Series.of(np.array([100.0j, -100.0j]))
     assert module.by_series(np.zeros((1, 2)), one, one, np.ones(1), frozen, np.zeros((1, 1, 0, 1)), series) is None
 

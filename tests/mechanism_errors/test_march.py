@@ -147,7 +147,7 @@ def test_wrong_sizes_are_refused():
             (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
-        loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 10, np.zeros(4), np.zeros(4))
+        loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 9, np.zeros(4), np.zeros(4))
     with pytest.raises(ValueError, match="rotations that there are not"):
         loops.step_matrices(
             (1, 2, 2), np.array([0]), [], (*[np.zeros(1)] * 2, *[np.zeros(4)] * 3, np.zeros(70)), np.zeros(4)

@@ -16,7 +16,6 @@ import scipy.linalg as la
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
 from ...mechanism.body import Body
-from ...mechanism.rotations import times_transposed
 from ...mechanism.rows import Rows
 from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns
@@ -119,6 +118,13 @@ class HollowCopy:
             J[0][:, self.extra, u.kept] = 1.0
         return J
 
+    def _on_unknowns(self, X: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return forces X (T, r, size) in states q (T, size) on unknowns, (T, r, n_a), in axes of their bodies."""
+        found = self._unknowns.by_unknowns(X[..., self.own], q[:, self.own])
+        if not self._shows:
+            found[..., self._unknowns.kept] = X[..., self.extra]
+        return found
+
     def _forces(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """M a - f (size,), without forces of constraints."""
         self.set(t, q, v, a)
@@ -135,8 +141,8 @@ class HollowCopy:
             R[i] = self._forces(t, *state)
             G[i] = self._equations.constraints(self.mbs)
             g[i] = self._equations.drift(self.mbs)
-        J = self.jacobians(q, v, a)[0]
-        return times_transposed(J, R), J.swapaxes(1, 2) @ G.swapaxes(1, 2), g
+        whole = self._on_unknowns(np.concatenate([R[:, None], G], axis=1), q)
+        return whole[:, 0], whole[:, 1:].swapaxes(1, 2), g
 
     def begin_step(self, t: float, moved: float = 0.0) -> None:
         """Let the PreStep function set what holds at t along the run: by the state at the begin of that step.
@@ -186,7 +192,7 @@ class HollowCopy:
         """Return M a - f + G^T lam (T, n_a) at rows of the run, in axes of bodies."""
         states = [self.wide(x) for x in (rows.q, rows.v, rows.a)]
         forces, _ = self._unbalanced(rows.t, states, rows.multipliers)
-        return times_transposed(self.jacobians(*states)[0], forces)
+        return self._on_unknowns(forces[:, None], states[0])[:, 0]
 
     def moved_forces(
         self, t: np.ndarray, states: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
@@ -194,7 +200,7 @@ class HollowCopy:
         """Return M a - f + G^T lam (T, n_a) in axes of bodies, g (T, all); kept (T, 3, kept) : beside q, v, a."""
         wide = [self.wide(x, y) for x, y in zip(states, np.moveaxis(kept, 1, 0), strict=True)]
         forces, g = self._unbalanced(t, wide, lam, at_once=True)
-        return times_transposed(self.jacobians(*wide)[0], forces), g
+        return self._on_unknowns(forces[:, None], wide[0])[:, 0], g
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
