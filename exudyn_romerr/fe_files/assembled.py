@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..model.admissible_space import rigid_modes
+from ..model.matrix_checks import doubled, forces, triangle_twice
 from ..model.solid_elements import NODES
 from .fe_data import Matrix, Mesh
 from .fe_model import FEModel
@@ -33,6 +34,9 @@ def assembled(stiffness: Matrix, mass: Matrix, mesh: Mesh | None, **options: Any
     InputError
         Matrices of different nodes, nodes without positions, or an order of rows that cannot be the one of the nodes.
     """
+    for name, matrix in (("stiffness", stiffness), ("mass", mass)):
+        if wrong := triangle_twice(matrix.entries):
+            raise InputError(f"the {name} matrix is not symmetric: {wrong}")
     stiffness, held_rows = _without_held(stiffness)
     named = stiffness.labels is not None and mass.labels is not None
     if not named:
@@ -40,12 +44,17 @@ def assembled(stiffness: Matrix, mass: Matrix, mesh: Mesh | None, **options: Any
             rows, others = mass.entries.shape[0], stiffness.entries.shape[0]
             raise InputError(f"the mass matrix has {rows} rows, the stiffness matrix {others}")
         if mesh is None:
+            if not held_rows.size:
+                _check_translations(stiffness.entries)
             return FEModel(mass.entries, stiffness.entries, held=held_rows, **options)
         labels = _in_order(stiffness, mesh)
         stiffness, mass = (Matrix(matrix.entries, labels, matrix.program) for matrix in (stiffness, mass))
     model = _by_labels(stiffness, mass, mesh, held_rows, options)
-    if not named and (not len(model.held) or len(labels) < model.mass.shape[0]):
-        _check_rigid(model, stiffness.program)
+    if model.positions is not None:
+        asks = not named and (not len(model.held) or len(labels) < model.mass.shape[0])
+        _check_rigid(model, stiffness.program if asks else None)
+    elif not len(model.held):
+        _check_translations(model.stiffness)
     return model
 
 
@@ -137,22 +146,40 @@ def _in_order(matrix: Matrix, mesh: Mesh) -> np.ndarray:
     )
 
 
-def _check_rigid(model: FEModel, program: str) -> None:
-    """Refuse matrices of rows that nobody named, by which rigid motions of the nodes need forces."""
+def _check_translations(stiffness: sp.csr_matrix) -> None:
+    """Refuse a matrix without positions that lets all nodes translate if some of its terms are halved."""
+    N = stiffness.shape[0]
+    for per_node in (3, 6):
+        if N % per_node == 0:
+            translations = np.tile(np.eye(per_node, 3), (N // per_node, 1))
+            if wrong := doubled(stiffness, translations):
+                raise InputError(f"the stiffness matrix does not let all nodes translate: {wrong}")
+
+
+def _check_rigid(model: FEModel, program: str | None) -> None:
+    """Refuse matrices by which rigid motions need forces.
+
+    program : of matrices whose rows nobody named; None: they are named, and only doubled terms are refused.
+    """
     per_node = model.mass.shape[0] // len(model.positions)
-    part = sp.csr_matrix(model.stiffness)[_far_from_held(model, per_node)]
+    rows = _far_from_held(model, per_node)
+    if not rows.size:
+        return
     R = rigid_modes(model.positions)
     if per_node == 6:
         wide = np.zeros((len(model.positions), 6, 6))
         wide[:, :3], wide[:, 3:, 3:] = R.reshape(-1, 3, 6), np.eye(3)
         R = wide.reshape(-1, 6)
-    forces, terms = np.linalg.norm(part @ R, axis=0), np.linalg.norm(abs(part) @ np.abs(R), axis=0)
-    strained = np.max(forces / np.where(terms > 0, terms, 1.0))
-    if strained > STRAINED:
+    strained = forces(model.stiffness, R, rows)
+    if strained <= STRAINED:
+        return
+    need = f"rigid motions of the nodes need forces by this stiffness matrix ({strained:.1g} of its terms)"
+    if wrong := doubled(model.stiffness, R, rows):
+        raise InputError(f"{need}: {wrong}")
+    if program is not None:
         raise InputError(
-            f"rigid motions of the nodes need forces by this stiffness matrix ({strained:.1g} of its terms): its "
-            "rows are not those of the nodes in ascending order, terms were added twice, or something "
-            f"holds the body. {NAMES_ROWS[program]}"
+            f"{need}: its rows are not those of the nodes in ascending order, or something holds the body. "
+            f"{NAMES_ROWS[program]}"
         )
 
 

@@ -26,6 +26,9 @@ CONDENSE = (
     "K[c, c] - K[c, i] @ solve(K[i, i], K[i, c]) and M[c, c], and of loads B[c] - K[c, i] @ solve(K[i, i], B[i]). "
     "Fixing would make the model stiffer"
 )
+SAME = 1e-6  # of the largest entry: files have 7 digits at least
+TWICE = "twice what they should be: a triangle was added twice"
+KEEP = "Keep the other: sparse.{0}(A) + sparse.{0}(A, {1}).T"
 
 
 def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = True) -> sp.csc_matrix:
@@ -40,8 +43,8 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
         raise InputError(f"{name} has shape {matrix.shape}; needed: square" + (f", {size} rows" if size else ""))
     check_finite(name, matrix.data)
     if symmetric and abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
-        found = f"entries differ by {abs(matrix - matrix.T).max():.2e}"
-        raise InputError(f"{name} is not symmetric: {found}; was a triangle added twice, or left out?")
+        why = triangle_twice(matrix) or f"entries differ by {abs(matrix - matrix.T).max():.2e}"
+        raise InputError(f"{name} is not symmetric: {why}")
     return sp.csc_matrix((matrix + matrix.T) / 2) if symmetric else matrix
 
 
@@ -206,3 +209,41 @@ def _is_dissipative(damping: sp.csc_matrix) -> bool:
     if negative is not None:
         return negative == 0
     return bool(np.linalg.eigvalsh(lifted.toarray())[0] >= 0)  # rare: a pivot of exactly zero
+
+
+def triangle_twice(matrix: sp.spmatrix) -> str:
+    """Return in words that terms on one side of the diagonal are twice those on the other, and the cure; or ""."""
+    lower, upper = sp.csr_matrix(sp.tril(matrix, -1)), sp.csr_matrix(sp.triu(matrix, 1).T)
+    size = max(abs(lower).max(), abs(upper).max()) if matrix.shape[0] > 1 else 0.0
+    if size == 0:
+        return ""
+    for side, more, less, keep in (("below", lower, upper, ("triu", 1)), ("above", upper, lower, ("tril", -1))):
+        if abs(more - 2 * less).max() <= SAME * size:
+            return f"its off-diagonal terms {side} the diagonal are {TWICE}. {KEEP.format(*keep)}"
+    return ""
+
+
+def forces(stiffness: sp.spmatrix, motions: np.ndarray, rows: np.ndarray | slice = slice(None)) -> float:
+    """Return the forces in some rows that motions (N, m) need, relative to the size of their terms."""
+    part = sp.csr_matrix(stiffness)[rows]
+    terms = np.linalg.norm(abs(part) @ np.abs(motions), axis=0)
+    return float(np.max(np.linalg.norm(part @ motions, axis=0) / np.where(terms > 0, terms, 1.0), initial=0.0))
+
+
+def doubled(stiffness: sp.spmatrix, motions: np.ndarray, rows: np.ndarray | slice = slice(None)) -> str:
+    """Return in words which terms of a stiffness matrix are twice what they should be, and the cure; or "".
+
+    motions : (N, m), rigid. They need forces by the matrix as it is, and none with half of those terms.
+    rows : those that are asked; of others something that is not in the matrix holds the body.
+    """
+    if forces(stiffness, motions, rows) <= SAME:
+        return ""
+    half = sp.diags(stiffness.diagonal() / 2)
+    if forces(stiffness / 2 + half, motions, rows) <= SAME:
+        return f"its off-diagonal terms are {TWICE}. Halve them: (A + sparse.diags(A.diagonal())) / 2"
+    if forces(stiffness - half, motions, rows) <= SAME:
+        return (
+            "its diagonal terms are twice what they should be: the diagonal was added twice, with a triangle and its "
+            "transpose. Halve them: A - sparse.diags(A.diagonal()) / 2"
+        )
+    return ""
