@@ -1,4 +1,4 @@
-"""Random scripts under `romerr run`, with what goes wrong on the way: is anything of the user's run changed or lost?
+"""Play random scripts under `romerr run`: nothing of the run may change or be lost, whatever goes wrong on the way.
 
     python benchmarks/endurance.py [--count 500] [--first 0] [--docs]
 
