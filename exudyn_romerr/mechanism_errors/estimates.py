@@ -10,7 +10,7 @@ import numpy as np
 from ..linear.estimators.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from ..mechanism.tangents import block_of
 from .end_state import EndState
-from .linearity import Linearity
+from .linearity import Linearity, UnmovedForces
 from .missed import MissedFeedback
 from .modes import Marched, Modes
 from .steps import Steps
@@ -41,11 +41,10 @@ def estimates(
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
-        wide, inner = (
-            block_of(of.rows[near], of.unknowns, of.readings.splined),
-            slice(own.start - near.start, own.stop - near.start),
-        )
-        modes.take(wide[inner], a)
+        wide = block_of(of.rows[near], of.unknowns, of.readings.splined)
+        inner = slice(own.start - near.start, own.stop - near.start)
+        block, unmoved = wide[inner], UnmovedForces(of, of.rows[own])
+        modes.take(block, a, unmoved)
         if bounds is not None:
             bounds(modes.now)
         if content is not None:
@@ -54,9 +53,10 @@ def estimates(
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)
             e, lam = e - of_steps, lam - forces[:, of.equations.independent]
-        linearity.take(wide[inner].as_if_at_once(), a, e[..., : of.unknowns.n_a], lam)
+        e = e[..., : of.unknowns.n_a]
+        linearity.take(block.as_if_at_once(), a, e, lam, unmoved)
         if feedback is not None:
-            feedback.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
+            feedback.take(block, a, e, lam, unmoved)
     found = modes.estimates() | ({} if is_static else {"step": steps.estimate()})
     for cause, check in LINEARISED.items():
         if cause in found:

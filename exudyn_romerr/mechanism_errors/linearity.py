@@ -6,22 +6,20 @@ force is not smooth, as that of a stop, first order says nothing, and no reading
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rotations import times
+from ..mechanism.rows import Rows
 from ..mechanism.tangents import Block
 
-ROUGH = 10.0  # times the median of a part, accelerations that bend more are looked at, and neighbours
+ROUGH = 10.0  # times the median of a block, accelerations that bend more are looked at, and neighbours
 DOUBTFUL = 16  # of a block, rows where readings of tangents do not join
-PART = 128  # rows, of which each has its looks
 LEAST = 1e-2  # of the largest forces that errors make along the run: where they make less nothing is compared
 
 
 class Linearity:
-    """Looks at rows of every part of a block: where errors are largest, accelerations bend most, tangents may be off.
+    """Looks at rows of every block: where errors are largest, accelerations bend most, tangents may be off.
 
     share : what forces and constraints are off, over the forces and the motion that the errors make in the same row.
     """
@@ -37,7 +35,7 @@ class Linearity:
         sizes = np.array(self._looks)
         return float(largest_shares(sizes, sizes[:, 1].max(axis=0)).max())
 
-    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
+    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray, unmoved: UnmovedForces) -> None:
         """Look at rows of a block, which begins with number `first` of the run.
 
         e (T, 3, n_a) in global axes, lam (T, c) : what all errors together move.
@@ -45,7 +43,7 @@ class Linearity:
         at = self._rows(block, first, e)
         if len(at):
             part = block[at]
-            left, g = nonlinear_forces(self._of, part, e[at], lam[at], unmoved_forces(self._of, part))
+            left, g = nonlinear_forces(self._of, part, e[at], lam[at], unmoved(at))
             self._looks += [*missed_sizes(self._of, part, e[at], left, g)]
 
     def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
@@ -56,12 +54,8 @@ class Linearity:
         masses = np.einsum("tii->ti", block.M)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
-        rows = {
-            a + i
-            for a in range(0, len(block), PART)
-            for i in _rows(*(x[a : a + PART] for x in (block.rows.a, e[:, 0], masses)))
-        }
-        return np.array([i for i in sorted(rows | set(doubtful)) if has_errors[i]], int)
+        rows = _rows(block.rows.a, e[:, 0], masses) | set(doubtful)
+        return np.array([i for i in sorted(rows) if has_errors[i]], int)
 
 
 def missed_sizes(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -101,18 +95,32 @@ def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:
     return rows
 
 
-def unmoved_forces(of: Mechanism, block: Block) -> tuple[np.ndarray, np.ndarray]:
-    """Return Exudyn's M a - f + G^T lam (T, n_a), in axes of bodies, and g (T, all) at rows as they are."""
-    t, q, v, a, forces = vars(block.rows).values()
-    return of.equations.moved_forces(t, (q, v, a), np.zeros((len(block), 3, len(of.unknowns.kept))), forces)
+class UnmovedForces:
+    """What Exudyn says of rows as they are: other errors are asked about in the same ones, and it is asked once."""
+
+    def __init__(self, of: Mechanism, rows: Rows):
+        self._of, self._rows, self._is_known = of, rows, np.zeros(len(rows), bool)
+        self._found = np.zeros((len(rows), of.unknowns.n_a)), np.zeros(rows.multipliers.shape)
+
+    def __call__(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (T, n_a), in axes of bodies, and g (T, all) at rows of these numbers."""
+        new = at[~self._is_known[at]]
+        if len(new):
+            t, q, v, a, forces = vars(self._rows[new]).values()
+            kept = np.zeros((len(new), 3, len(self._of.unknowns.kept)))
+            found = self._of.equations.moved_forces(t, (q, v, a), kept, forces)
+            for known, x in zip(self._found, found, strict=True):
+                known[new] = x
+            self._is_known[new] = True
+        return tuple(x[at] for x in self._found)
 
 
 def nonlinear_forces(
-    of: Mechanism, block: Block, e: np.ndarray, lam: np.ndarray, unmoved: Sequence[np.ndarray]
+    of: Mechanism, block: Block, e: np.ndarray, lam: np.ndarray, unmoved: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what linear equations miss at rows: of forces (T, n_a), in global axes, and of constraints (T, c).
 
-    e (T, 3, n_a), lam (T, c) : errors there. unmoved : what unmoved_forces() says of these rows.
+    e (T, 3, n_a), lam (T, c) : errors there. unmoved : what UnmovedForces say of these rows.
     """
     u, others, (t, q, v, a, forces), (here, g) = of.unknowns, of.equations, vars(block.rows).values(), unmoved
     errors = [*np.moveaxis(e, 1, 0)]

@@ -18,7 +18,7 @@ from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 from .factors import Factors, factors_of
 from .half_widths import Largest
-from .linearity import PART, largest_shares, missed_sizes, nonlinear_forces, unmoved_forces
+from .linearity import UnmovedForces, largest_shares, missed_sizes, nonlinear_forces
 from .march import March, State
 
 if TYPE_CHECKING:
@@ -51,7 +51,13 @@ class MissedForces:
         return self._added.state
 
     def take(
-        self, block: Block, factors: Factors, first: int, e: np.ndarray, lam: np.ndarray
+        self,
+        block: Block,
+        factors: Factors,
+        first: int,
+        e: np.ndarray,
+        lam: np.ndarray,
+        unmoved: UnmovedForces,
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray] | None]:
         """Go on through a block that begins with row `first`, under errors e (T, 3, n), lam (T, c).
 
@@ -59,41 +65,37 @@ class MissedForces:
         -------
         kicks (T, n) to be added; what comes of them (T, 3, n), (T, c); for bounds the same of what is still missed
         """
-        T, n_a = len(block), self._of.unknowns.n_a
-        self._is_known, self._unmoved = (
-            np.zeros(T, bool),
-            [np.zeros((T, n_a)), np.zeros(block.rows.multipliers.shape)],
-        )
-        kicks, g = np.zeros((T, self._of.unknowns.n)), np.zeros(lam.shape)
+        kicks, g = np.zeros((len(block), self._of.unknowns.n)), np.zeros(lam.shape)
         rows, added = self._rows(block, first, e), (np.zeros(e.shape), np.zeros(lam.shape))
-        missed = self._missed(block, rows, e, lam)
+        missed = self._missed(block, rows, e, lam, unmoved)
         share, counts = self._shares(block, rows, e, missed).max(), FOR_BOUNDS if self._for_bounds else COUNTS
         goes_on = self.end is not None or (first == 0 and self._before is not None)
         if is_added := goes_on or counts < share < MUCH:
             if first and self.end is None:
                 self._added.state, self._level = State.at_rest(self._of.unknowns), 0.0
-            kicks, g = self._to_be_added(block, first, e, lam, share < MUCH)
+            kicks, g = self._to_be_added(block, first, e, lam, unmoved, share < MUCH)
             added = self._added.through(block, factors, kicks[..., None], self._before, g[..., None])
             added = [x[..., 0] for x in added]
         if self._of.has_forces_by_users:  # which need not be smooth: few rows do not tell
             rows = np.flatnonzero(e[:, 0].any(axis=1))
         if self._for_bounds and (is_added or self._of.has_forces_by_users):
             e, lam = (x + y for x, y in zip((e, lam), added, strict=True))
-            missed = [x - y[rows] for x, y in zip(self._missed(block, rows, e, lam), (kicks, g), strict=True)]
+            now = self._missed(block, rows, e, lam, unmoved)
+            missed = [x - y[rows] for x, y in zip(now, (kicks, g), strict=True)]
         return kicks, added, self._beside(block, factors, first, rows, e, missed) if self._for_bounds else None
 
     def _to_be_added(
-        self, block: Block, first: int, e: np.ndarray, lam: np.ndarray, is_small: bool
+        self, block: Block, first: int, e: np.ndarray, lam: np.ndarray, unmoved: UnmovedForces, is_small: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """What is missed, kicks (T, n) and of constraints (T, c): it comes in, or goes if it is no longer small."""
         T, begins = len(block), int(first == 0 and not e[0, :2].any())
         change = np.arange(1, T + 1) / COMES
         if is_small:
             kicks, g = np.zeros((T, self._of.unknowns.n)), np.zeros(lam.shape)
-            kicks[begins:], g[begins:] = self._missed(block, np.arange(begins, T), e, lam)
+            kicks[begins:], g[begins:] = self._missed(block, np.arange(begins, T), e, lam, unmoved)
             self._last, level = (kicks[-1:], g[-1:]), np.minimum(self._level + change, 1.0)
         else:
-            kicks, g = self._last = self._last or self._missed(block, np.arange(1), e, lam)
+            kicks, g = self._last = self._last or self._missed(block, np.arange(1), e, lam, unmoved)
             level = np.maximum(self._level - change, 0.0)
         self._level, weight = level[-1], (level**2 * (3 - 2 * level))[:, None]
         return weight * kicks, weight * g
@@ -120,18 +122,12 @@ class MissedForces:
         return self._rest.through(block, factors, between)
 
     def _missed(
-        self, block: Block, rows: np.ndarray, e: np.ndarray, lam: np.ndarray
+        self, block: Block, rows: np.ndarray, e: np.ndarray, lam: np.ndarray, unmoved: UnmovedForces
     ) -> tuple[np.ndarray, np.ndarray]:
         """Kicks (rows, n) and what constraints (rows, c) shall see, for what linear equations miss."""
         u, kicks, g = self._of.unknowns, np.zeros((len(rows), e.shape[2])), np.zeros((len(rows), lam.shape[1]))
         if len(rows):
-            part, new = block[rows], rows[~self._is_known[rows]]
-            if len(new):  # other errors are asked about in the same rows
-                for known, x in zip(self._unmoved, unmoved_forces(self._of, block[new]), strict=True):
-                    known[new] = x
-                self._is_known[new] = True
-            unmoved = [x[rows] for x in self._unmoved]
-            left, bent = nonlinear_forces(self._of, part, e[rows, :, : u.n_a], lam[rows], unmoved)
+            left, bent = nonlinear_forces(self._of, block[rows], e[rows, :, : u.n_a], lam[rows], unmoved(rows))
             kicks[:, : u.n_a], g = -left, -bent
         return kicks, g
 
@@ -153,8 +149,7 @@ class MissedForces:
         readings = self._of.readings.at if self._for_bounds else ()
         between = [(a + b) // 2 - first for a, b in pairwise(readings) if b > a + 1]
         between = [i for i in between if 0 <= i < T]
-        largest = {a + int(np.argmax(squares[a : a + PART])) for a in range(0, T, PART)}
-        rows = sorted({*between[:: 1 + len(between) // MOST], *largest})
+        rows = sorted({*between[:: 1 + len(between) // MOST], int(np.argmax(squares))})
         return np.array([i for i in rows if e[i, 0].any()], int)
 
 
@@ -168,12 +163,11 @@ class MissedFeedback:
     def __init__(self, of: Mechanism):
         self._of, self._march, self._before, self.largest = of, March(of.unknowns, of.scheme), 0.0, Largest()
 
-    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
+    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray, unmoved: UnmovedForces) -> None:
         """Go on through a block that begins with row `first`, under errors e (T, 3, n_a), lam (T, c)."""
         of, block, kicks = self._of, block.as_if_at_once(), np.zeros((len(block), self._of.unknowns.n, 1))
-        every = slice(int(first == 0), None)
-        part = block[every]
-        left, _ = nonlinear_forces(of, part, e[every], lam[every], unmoved_forces(of, part))
+        every = np.arange(int(first == 0), len(block))
+        left, _ = nonlinear_forces(of, block[every], e[every], lam[every], unmoved(every))
         kicks[every, : of.unknowns.n_a, 0] = -left
         h = np.diff(block.rows.t, prepend=self._before if first else block.rows.t[0] - 1.0)
         self._before = block.rows.t[-1]

@@ -18,6 +18,7 @@ from .unbalanced import unbalanced
 if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
     from .end_state import EndState
+    from .linearity import UnmovedForces
 
 # of whose force on vectors the kicks are: thirds of the vectors, in the order in which they were found; those that
 # deform interfaces which the modes make rigid, and the last half of these
@@ -66,7 +67,7 @@ class Modes:
         self._missed = None if of.readings.splined.is_sampled else MissedForces(of, for_bounds, before)
         self.squares = [0.0] * len(of.unknowns.bodies)
 
-    def take(self, block: Block, first: int) -> None:
+    def take(self, block: Block, first: int, unmoved: UnmovedForces) -> None:
         """Go on through a block of rows of the run that begins at number `first`."""
         u, t = self._of.unknowns, block.rows.t
         f = self._shared(self._kicks(block))[..., : self._parts]
@@ -82,7 +83,7 @@ class Modes:
         whole, forces, f, beside = sums[1] + d, sums[2] + dlam, sums[0][..., -1], {}
         if self._missed:
             given = (x[..., -1] for x in sums[1:])
-            kicks, added, of_rest = self._missed.take(block, factors, first, *given)
+            kicks, added, of_rest = self._missed.take(block, factors, first, *given, unmoved)
             whole, forces = (x + y[..., None] for x, y in zip((whole, forces), added, strict=True))
             f = f + kicks
             beside = {"missed": of_rest} if self._for_bounds else {}
