@@ -17,7 +17,7 @@ typedef struct {
 
 static Size flow_work(const Flow *a)
 {
-    return (8 + a->m) * a->n * a->c + (a->c + 1) * a->k + 2 * (a->n * a->n + a->m);
+    return (8 + a->m) * a->n * a->c + 2 * a->k * a->c + 2 * (a->n * a->n + a->m);
 }
 
 /* y = back y + scale (rates of x - centre x): columns (c) of states and rates (2 n), then powers of time (m).
@@ -97,13 +97,11 @@ INLINE Size flow_columns(const Flow *a, Size c)
         product(k, n, c, C, x, 2 * n, g, k), product(n, k, c, W, g, k, out, n);
         for (Size o = 0; o < c; o++)
             for (Size j = 0; j < n; j++) x[o * 2 * n + j] -= out[o * n + j];
-        for (Size o = 0; o < c; o++) {
-            double *s = x + o * 2 * n, *w = s + n;
-            product(k, n, 1, C, w, n, g, k), product(k, n, 1, C1, s, n, of_s, k);
-            for (Size r = 0; r < k; r++) g[r] += of_s[r];
-            product(n, k, 1, W, g, k, out, n);
-            for (Size j = 0; j < n; j++) w[j] -= out[j];
-        }
+        product(k, n, c, C, x + n, 2 * n, g, k), product(k, n, c, C1, x, 2 * n, of_s, k);
+        for (Size r = 0; r < k * c; r++) g[r] += of_s[r];
+        product(n, k, c, W, g, k, out, n);
+        for (Size o = 0; o < c; o++)
+            for (Size j = 0; j < n; j++) x[o * 2 * n + n + j] -= out[o * n + j];
         memcpy(e, x, N * sizeof(double)), memcpy(a->ends + i * N, x, N * sizeof(double));
     }
     return a->T;

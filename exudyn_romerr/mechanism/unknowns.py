@@ -50,10 +50,9 @@ class TurningNode:
 class Unknowns:
     """Sizes: n_q coordinates of the mbs, n_a unknowns, m oscillators, in all n = n_a + m.
 
-    blocks, waves : slices of each body's unknowns and oscillators. plain : slices of
-    (coordinates, unknowns) that are the same.
-    kept : unknowns of kept vectors, which the mbs of the run does not have; own : all others. nodes : with Euler
-    parameters, those of bodies first. turns : unknowns of their rotations.
+    blocks, waves : slices of each body's unknowns and oscillators. plain : slices of (coordinates, unknowns) that are
+    the same. kept : unknowns of kept vectors, which the mbs of the run does not have; own : all others. nodes : with
+    Euler parameters, those of bodies first. turns : unknowns of their rotations.
     """
 
     def __init__(self, bodies: Sequence[Body], others: Sequence[tuple[np.ndarray, np.ndarray | None]], n_q: int):

@@ -156,9 +156,10 @@ class Flow:
             inner, margin = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, inverses, at, cubic)
             m = max(inner.shape[1], cubic.shape[1])
             inner, cubic = (np.pad(x, ((0, 0), (0, m - x.shape[1]), (0, 0))) for x in (inner, cubic))
-            if self.columns == 2 and not margin.any():
-                return np.stack([inner, cubic])
-            self.e = np.concatenate([self.e[:2], self.e[2:] if self.columns > 2 else self.e[:1]])
+            if self.columns == 2:
+                if not margin.any():
+                    return np.stack([inner, cubic])
+                self.e = np.concatenate([self.e, self.e[:1]])
             wide = inner.copy()
             wide[:, 0] += margin
             return np.stack([inner, cubic, wide])

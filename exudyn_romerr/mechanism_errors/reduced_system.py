@@ -89,7 +89,7 @@ class FrozenSteps(Samples):
         around = system.C[first[:, None] + np.arange(weights.shape[2])]
         powers = np.einsum("tpk,tkcn->ptcn", weights, around)
         C1, C2 = (_derivative(powers, 0.5, order) / h**order for order in (1, 2))
-        rates = X @ np.concatenate([np.concatenate([-K, -C2], axis=1), np.concatenate([-D, -2 * C1], axis=1)], axis=2)
+        rates = X @ -np.block([[K, D], [C2, 2 * C1]])
         M, K_end, C = system.M[at + 1], system.K[at + 1], system.C[at + 1]
         stiff = M + h**2 * np.maximum(np.diagonal(K_end, axis1=1, axis2=2), 0)[:, None] * np.eye(n)
         W = saddle_inverses(stiff, C, C)[:, :n, n:]  # bordered: Euler parameters have no mass along themselves
