@@ -56,12 +56,13 @@ class Auxiliary(Energy):
         """Go on by one block; return the bounds at the ends of its segments."""
         forces = rows_times(block.c, self.forcing.T)
         states = self.oscillators.advance(self.state, block.t, block.h, forces)
-        missed, (g, g_jump, inside) = self._unresolved(block), self._grown(block)
+        static, missed = self.norm_static(block.c[:, -1]), self._unresolved(block)
+        g, g_jump, inside = self._grown(block, static)
         if inside is not None:
-            static, d_M, v_M = inside
+            largest, d_M, v_M = inside
             eta, eta_t = self.oscillators.inside(self.state, states, block.h, forces)
             self.inside = (
-                np.hypot(row_norms(eta), static + d_M) + row_norms(missed),
+                np.hypot(row_norms(eta), largest + d_M) + row_norms(missed),
                 np.hypot(row_norms(eta_t), v_M) + row_norms(missed * self.oscillators.omega),
             )
         eta, eta_t = largest_sizes(states.reshape(len(states), -1)).reshape(2, -1)
@@ -70,7 +71,7 @@ class Auxiliary(Energy):
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
-        return self._bounds(block.c[:, -1], self.norm_static(block.c[:, -1]), g.T, g_jump.T, states, inexact)
+        return self._bounds(block.c[:, -1], static, g.T, g_jump.T, states, inexact)
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.

@@ -62,14 +62,15 @@ class Energy(Estimator):
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        g, g_jump, inside = self._grown(block)
+        static = self.norm_static(block.c[:, -1])
+        g, g_jump, inside = self._grown(block, static)
         if inside is not None:
-            static, d_M, v_M = inside
-            self.inside = static + d_M, v_M
-        return self._bounds(block.c[:, -1], self.norm_static(block.c[:, -1]), g.T, g_jump.T)
+            largest, d_M, v_M = inside
+            self.inside = largest + d_M, v_M
+        return self._bounds(block.c[:, -1], static, g.T, g_jump.T)
 
-    def _grown(self, block: Block) -> tuple[np.ndarray, np.ndarray, tuple | None]:
-        """Let g grow; return g and g_jump (rows, S) at the ends of segments.
+    def _grown(self, block: Block, static: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple | None]:
+        """Let g grow; return g and g_jump (rows, S) at the ends of segments, where |K^-1 R|_M is `static` (S,).
 
         Where the frame turns |K^-1 R|_M, |d|_M and |e'|_M, too, each (S,), the largest within segments; else None.
         """
@@ -78,7 +79,7 @@ class Energy(Estimator):
         decays = np.exp(-r[:, None] * block.h)
         kicks = decays * jumps
         g, g_jump = decaying_sums(decays, kicks + varied, self.g[:n]), decaying_sums(decays, kicks, self.g_jump[:n])
-        inside = None if block.turn is None else self._inside(block, varied + jumps, g)
+        inside = None if block.turn is None else self._inside(static, varied + jumps, g)
         if self.smooth is not None:
             more = varied - block.length(self.norm)
             self.smooth, last = self.smooth.advanced(block, self.norm, jumps, more, g[0])
@@ -86,9 +87,12 @@ class Energy(Estimator):
         self.g, self.g_jump, self.before = g[:, -1].copy(), g_jump[:, -1].copy(), block.c[-1, -1].copy()
         return g, g_jump, inside
 
-    def _inside(self, block: Block, varied: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Largest |K^-1 R|_M, |d|_M and |e'|_M within segments, in which R varies by `varied` (S,)."""
-        static = np.append(self.norm_static(self.before), self.norm_static(block.c[:, -1]))
+    def _inside(self, ends: np.ndarray, varied: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Largest |K^-1 R|_M, |d|_M and |e'|_M within segments, in which R varies by `varied` (S,).
+
+        ends (S,) : the first of these at their ends.
+        """
+        static = np.append(self.norm_static(self.before), ends)
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
         start = np.hstack([self.g[: len(g), None], g[:, :-1]])
         return np.maximum(static[:-1], static[1:]) + per_mass * varied, *smallest(self.rates, start + varied)[1:]

@@ -35,8 +35,8 @@ def bounded(run, monkeypatch, time="reconstructed", modes=20, hide=None):
     if hide == "plain":
         original = energy.Energy._grown
 
-        def grown(self, block):
-            g, *others = original(self, block)
+        def grown(self, block, static):
+            g, *others = original(self, block, static)
             return np.vstack([np.full_like(g[:-1], np.inf), g[-1:]]), *others
 
         monkeypatch.setattr(energy.Energy, "_grown", grown)
