@@ -55,6 +55,10 @@ OPTIONS = {  # of commands about a script; those that write a file first
     "units": {"default": "", "metavar": "U", "help": "the model's unit of length, to be printed: mm"},
     "quiet": {"action": "store_true", "help": "print no answer"},
     "features": {"action": "store_true", "help": "also peak, RMS and last value of each sensor"},
+    "measure-step": {
+        "action": "store_true",
+        "help": "where the step's error is not known, also run with half the step and a quarter: 7 times the run",
+    },
     "jobs": {"type": int, "metavar": "N", "help": "runs at a time (default: as memory allows)"},
     "timeout": {"type": float, "metavar": "S", "help": "end a run after so many seconds"},
     "controllers": {
@@ -81,7 +85,7 @@ SCRIPTED = {
         "run a script and tell how wrong its reduced bodies make it",
         " --tolerance 1%",
         STATUS_OF_RUN,
-        (*JUDGED, *WRITTEN, "features"),
+        (*JUDGED, *WRITTEN, "features", "measure-step"),
     ),
     "verify": _Scripted(
         "run a script again and again, and measure its errors",
@@ -214,11 +218,23 @@ def _run(given: argparse.Namespace) -> int:
     except InputError as error:
         return _wrong(error)
     done.ending.show()
+    not_measured = _measured_step(done, given) if given.measure_step else []
     written = write_files(done, files)
     features = _features(done) if given.features and not given.quiet else []
-    _tell(given, done, [*features, *written])
+    _tell(given, done, [*not_measured, *features, *written])
     done.ending.leave()
     return done.status
+
+
+def _measured_step(done: Run, given: argparse.Namespace) -> list[str]:
+    """Let a run measure its step; return a line where that cannot be had."""
+    try:
+        done.measure_step(None if given.quiet else tell_on_stderr)
+    except RomErrError as error:
+        return [f"the step was not measured: {error}"]
+    except KeyboardInterrupt:
+        return ["the step was not measured: stopped before there was anything to compare"]
+    return []
 
 
 def _features(done: Run) -> list[str]:

@@ -255,11 +255,14 @@ def _beside(row: Row) -> tuple[str, ...]:
 
 
 def _cell(row: Row, cause: str) -> str:
-    """Size, half width and share of one cause."""
+    """Size, half width and share of one cause; that it was measured, where the table's others are estimates."""
     if cause not in row.of:
         return ""
     verdict = row.of[cause]
-    return verdict.answer.value if verdict.size is None else size_in_words(verdict, "", row.extent)
+    if verdict.size is None:
+        return verdict.answer.value
+    is_another = verdict.how == MEASURED and row.noise is None
+    return f"{'measured ' if is_another else ''}{size_in_words(verdict, '', row.extent)}"
 
 
 def size_in_words(verdict: Verdict, unit: str = "", of: float | None = None) -> str:

@@ -156,17 +156,21 @@ def _unseen(base: Result, is_stress: bool) -> str:
     return OF_CALL if base.facts["bodies"] and base.facts.get("may_be_rigid", True) else ""
 
 
-def estimates(result: Result | None) -> dict[tuple[str, int, int], dict[str, Verdict]]:
-    """Return what a watched run says of itself: verdicts by cause, of each (sensor, component, solve)."""
-    rows = [] if result is None else result.facts.get("rows", [])
-    return {(row.name, row.component, row.solve): row.of for row in rows}
+def estimates(results: Mapping[str, Result], *names: str) -> dict[tuple[str, int, int], dict[str, Verdict]]:
+    """Return what a watched run says of itself: verdicts by cause, of each (sensor, component, solve).
+
+    names : of runs, the first counts that was had. solve : among all, of which rows count those with bodies only.
+    """
+    rows = next((results[name].facts.get("rows", []) for name in names if name in results), [])
+    solves = [i for i, solve in enumerate(results["unchanged"].solves) if solve["has_bodies"]]
+    return {(row.name, row.component, solves[row.solve]): row.of for row in rows if row.solve < len(solves)}
 
 
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:
     """What vectors leave out of each component; 0 where nothing is said of it."""
     if results["unchanged"].solves[solve].get("until"):  # an estimate of a failed step is one of nothing
         return (0.0,) * count
-    of = estimates(results.get("free") or results.get("modes"))
+    of = estimates(results, "free", "modes")
     found = [of.get((name, c, solve), {}).get("modes") for c in range(count)]
     return tuple(0.0 if one is None or one.how == NONE else one.most for one in found)
 

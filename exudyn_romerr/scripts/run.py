@@ -17,13 +17,14 @@ from .execute import Ending, check_script, execute
 from .files import Judged, tried
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from types import ModuleType
 
     from ..mode_selection.mode_table import ModeTable
     from ..report.answers import Tolerances
     from ..report.judgement import Judgement, Solve
     from ..report.report import BoundReport
+    from .verify import Verification
 
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
 NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
@@ -47,6 +48,8 @@ class Run(Judged):
     notes : lines about what was not watched, and why
     tolerances : as asked for
     arguments : of the script
+    units : of length, as the user gave it
+    steps : what measure_step has measured; None: nothing
     """
 
     script: str
@@ -55,6 +58,8 @@ class Run(Judged):
     notes: list[str]
     tolerances: Tolerances
     arguments: Sequence[str] = ()
+    units: str = ""
+    steps: Verification | None = None
 
     @property
     def reports(self) -> list[BoundReport]:
@@ -67,7 +72,34 @@ class Run(Judged):
         from ..report.judgement import Judgement, rows_of_solve
 
         rows = [row for solve in self.solves for row in rows_of_solve(solve, self.tolerances)]
-        return Judgement(rows, self.solves, self.notes)
+        notes = [*self.notes]
+        if self.steps is not None:
+            from .measured_step import with_measured_steps
+
+            rows = with_measured_steps(rows, self.steps)
+            notes += self.steps.notes
+        return Judgement(rows, self.solves, notes)
+
+    def measure_step(self, progress: Callable[[str], None] | None = None) -> None:
+        """Run the script with half the step and a quarter of it, where its estimate leaves the step's error open.
+
+        Parameters
+        ----------
+        progress : function(text), optional
+            Is told what is done.
+
+        Raises
+        ------
+        RunError
+            The script does nothing in a process of its own that could be compared.
+        """
+        from .measured_step import is_open
+
+        if any(map(is_open, self.judgement.rows)):
+            from .verify import measure_steps
+
+            self.steps = measure_steps(self.script, self.arguments, self.tolerances, self.units, progress)
+            del self.judgement
 
     @property
     def status(self) -> int:
@@ -142,7 +174,7 @@ def run(
             _name_units(solve, units)
         error = f"{type(ending.error).__name__}: {ending.error}"
         notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
-        return Run(path, ending, watching.solves, notes, tolerances, arguments)
+        return Run(path, ending, watching.solves, notes, tolerances, arguments, units)
 
 
 def _name_units(solve: Solve, units: str) -> None:

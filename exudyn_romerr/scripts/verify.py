@@ -63,10 +63,9 @@ class Verification(Judged):
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause; all measured."""
         rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances, self.units)]
-        estimated = estimates(self.results.get("again"))
-        rows = [
-            beside_estimate(row, estimated.get((row.name, row.component, row.solve), {}).get("sum")) for row in rows
-        ]
+        estimated = estimates(self.results, "again")
+        of = (estimated.get((row.name, row.component, row.solve), {}).get("sum") for row in rows)
+        rows = [*map(beside_estimate, rows, of)]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
         return Judgement(rows, solves, [*self.notes, *disagreements(self.results)])
 
@@ -167,9 +166,7 @@ def verify(
     path, function = _located(script)
     plain = Request("unchanged", path, os.getcwd(), tuple(arguments), function, timeout=timeout)
     tell = progress or (lambda said: None)
-    first = run_child(replace(plain, make_vectors=True))
-    if first.failure or not first.solves:
-        raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
+    first = _first(replace(plain, make_vectors=True))
     results, notes = {"unchanged": first}, [*first.facts["notes"]]
     if first.facts["has_controllers"]:
         notes.append(NOTES[controllers])
@@ -178,12 +175,42 @@ def verify(
     requests = _planned(plain, first, controllers, modes_by_call)
     if any(request.factor > 1 for request in requests):
         notes.append(BY_CALL)
+    results |= _further(requests, first, executor, jobs, tell)
+    return Verification(plain.script, results, tolerances, notes + _endings(results), units)
+
+
+def measure_steps(
+    script: str,
+    arguments: Sequence[str],
+    tolerances: Tolerances,
+    units: str = "",
+    progress: Callable[[str], None] | None = None,
+) -> Verification:
+    """Measure the error of the steps alone: unchanged, half the step, a quarter of it; as verify, which see."""
+    plain = Request("unchanged", os.path.abspath(check_script(script)), os.getcwd(), tuple(arguments))
+    first = _first(plain)
+    first.facts["bodies"] = 0  # nothing is asked of their modes
+    requests = [replace(plain, name=name, steps=steps) for name, steps in FINER.items()]
+    results = {"unchanged": first} | _further(requests, first, None, None, progress or (lambda said: None))
+    return Verification(plain.script, results, tolerances, _endings(results), units)
+
+
+def _first(plain: Request) -> Result:
+    first = run_child(plain)
+    if first.failure or not first.solves:
+        raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
+    return first
+
+
+def _further(
+    requests: list[Request], first: Result, executor: Executor | None, jobs: int | None, tell: Callable[[str], None]
+) -> dict[str, Result]:
+    """Make further runs, as many at a time as fit, and tell of them."""
     count = jobs or _jobs(first, len(requests))
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
     forecast = _Forecast({request.name: _seconds_of(request, first) for request in requests}, count)
     tell(PLANNED.format(len(requests), count, forecast.left({})))
-    results |= _all(requests, executor, count, forecast, tell)
-    return Verification(plain.script, results, tolerances, notes + _endings(results), units)
+    return _all(requests, executor, count, forecast, tell)
 
 
 def _endings(results: Mapping[str, Result]) -> list[str]:

@@ -509,3 +509,38 @@ except Exception:
     assert ": the solve failed." in str(run)
     assert "nough" not in str(run)
     assert run.judgement.answer is not Answer.ENOUGH
+
+
+AT_HOME = f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n"  # in a process of its own, too
+PLAIN = """mbs = exu.SystemContainer().AddSystem()
+mbs.CreateMassPoint(referencePosition=[0, 0, 0], mass=1)
+mbs.Assemble()
+mbs.SolveDynamic(scene.settings)
+"""
+
+
+def test_a_step_that_the_estimate_leaves_open_is_measured(tmp_path, capsys):
+    """A tolerance as large as the estimate leaves it open; a solve without bodies before shifts no numbers."""
+    scene = SCENE.replace("t_end", "h=1e-4, t_end")  # at ten times the step runs with shorter ones lead nowhere
+    plain = ran(tmp_path, scene + SOLVE)
+    estimated = max(plain.rows, key=lambda row: row["step"]["size"])
+    asked = f"{estimated['name']}={estimated['step']['size']!r}"
+    script, to = written(tmp_path, AT_HOME + scene + PLAIN + SOLVE), tmp_path / "a.json"
+    main(["run", "--measure-step", "--tolerance", asked, "--json", str(to), script])
+    said, told = capsys.readouterr(), json.loads(to.read_text())
+    schema = json.loads((ROOT / "docs" / "answer.schema.json").read_text())
+    validate(told, schema)
+    (row,) = (row for row in told["sensors"] if row["step"]["how"] == "measured")
+    assert (row["name"], row["component"]) == (estimated["name"], estimated["component"])
+    assert "measured " in said.out
+    assert "romerr: quarter: " in said.err
+    found, expected = row["step"], estimated["step"]
+    assert abs(found["size"] - expected["size"]) <= found["half_width"] + expected["half_width"]
+    most = [sum(row[cause]["size"] + row[cause]["half_width"] for cause in CAUSES if row[cause])]
+    assert row["sum"]["size"] + row["sum"]["half_width"] == pytest.approx(most[0], rel=1e-9)
+    assert row["sum"]["how"] == "estimated"
+
+
+def test_no_step_is_measured_that_is_known(tmp_path, capsys):
+    assert main(["run", "--measure-step", "--tolerance", "1e9", written(tmp_path, SCENE + SOLVE)]) == 0
+    assert capsys.readouterr().err == ""

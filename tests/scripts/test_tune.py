@@ -124,7 +124,14 @@ def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
         facts |= {"solve_seconds": 1.0 + COUNT * times * (6 + n) / 1000, "seconds": 3.0}
         t = np.linspace(0, 1, COUNT + 1)
         data = np.stack([t, 1e4 * np.cos(wave * t)], axis=1)  # what is shown between steps, too
-        solve = {"kind": "dynamic", "count": COUNT, "fixed": True, "names": ["tip"], "data": [data]}
+        solve = {
+            "kind": "dynamic",
+            "count": COUNT,
+            "fixed": True,
+            "has_bodies": True,
+            "names": ["tip"],
+            "data": [data],
+        }
         return Result("a run", solves=[solve], facts=facts, contents=contents)
 
     return run

@@ -20,6 +20,7 @@ from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.verdict_text import reasons, summary
+from exudyn_romerr.report.verdicts import Row, judge
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
 from exudyn_romerr.scripts.compared import (
     DO_NOT_SHRINK,
@@ -30,6 +31,7 @@ from exudyn_romerr.scripts.compared import (
     UNSETTLED,
     Signal,
     disagreements,
+    estimates,
     rows_of_signal,
     signals,
 )
@@ -518,13 +520,13 @@ def test_processes_end_with_their_parent(tmp_path):
 
 def test_modes_by_the_scripts_own_call_where_a_body_cannot_be_read():
     told, P = dict(TOLD), VECTORS[0][0]
-    first = Result("unchanged", "", [{"kind": "dynamic"}], VECTORS, told)
+    first = Result("unchanged", "", [{"kind": "dynamic", "has_bodies": True}], VECTORS, told)
     names = [one.name for one in _planned(request("a.py"), first, "follow", False)]
     assert names == ["again", "half", "quarter", "modes", "free", "all"]
     told["without_vectors"] = [1]
     assert [one.name for one in _planned(request("a.py"), first, "follow", False)][-2:] == ["twice", "four times"]
     assert "interfaces" in BY_CALL
-    static = replace(first, solves=[{"kind": "static"}], vectors={0: (P, np.array([True, True]))})
+    static = replace(first, solves=[{"kind": "static", "has_bodies": True}], vectors={0: (P, np.array([True, True]))})
     assert [one.name for one in _planned(request("a.py"), static, "follow", False)][:2] == ["again", "modes"]
 
 
@@ -641,7 +643,7 @@ def test_stress_is_measured_by_the_scripts_own_call():
         found = row.of["modes"]
         assert (found.size, found.half_width, found.answer.value) == (pytest.approx(0.5), None, answer)
         assert (row.answer.value, found.reason) == (answer, UNSETTLED)
-    first = Result("unchanged", "", [{"kind": "static", "shows": ["StressLocal"]}], VECTORS, TOLD)
+    first = Result("unchanged", "", [{"kind": "static", "has_bodies": True, "shows": ["StressLocal"]}], VECTORS, TOLD)
     assert [one.name for one in _planned(request("a.py"), first, "follow", False)][-2:] == ["twice", "four times"]
 
 
@@ -651,7 +653,14 @@ TOLD = {"without_vectors": [], "bodies": 1, "rows": [], "may_be_rigid": False}
 
 def result_of(name, t, x, **more):
     """What came of a run with one sensor."""
-    solve = {"kind": "dynamic", "names": ["tip"], "numbers": [0], "shows": ["Displacement"], "fixed": True}
+    solve = {
+        "kind": "dynamic",
+        "names": ["tip"],
+        "numbers": [0],
+        "shows": ["Displacement"],
+        "fixed": True,
+        "has_bodies": True,
+    }
     return Result(name, "", [solve | {"data": [np.stack([t, x], axis=1)]} | more], {}, TOLD)
 
 
@@ -734,3 +743,14 @@ def test_what_is_below_noise_is_not_measurable():
         assert row.noise == pytest.approx(0.01)
         assert row.of["step"].half_width >= 0.03
         assert row.of["step"].answer.value == answer
+
+
+def test_a_run_tells_of_solves_with_bodies_only():
+    """The first solve moves none, so that the run's own number 0 is number 1 here."""
+    row = Row("tip", 0, 0, "", 1.0, 1.0, {"sum": judge(1.0, 0.1, None, "estimated")})
+    plain, moved = {"has_bodies": False}, {"has_bodies": True}
+    results = {
+        "unchanged": Result("unchanged", solves=[plain, moved]),
+        "again": Result("again", facts={"rows": [row]}),
+    }
+    assert estimates(results, "again") == {("tip", 0, 1): row.of}

@@ -45,7 +45,7 @@ class Recorded:
 
     kind : "dynamic" or "static". fixed : whether all steps are of one size. h, count : of them in the unchanged run.
     numbers : of the sensors. until : of a solve that ended before its end, when and by what; on_purpose : whether
-    that was meant. seconds : CPU time.
+    that was meant. seconds : CPU time. has_bodies : whether it moves reduced bodies; `romerr run` counts no others.
     """
 
     kind: str
@@ -55,6 +55,7 @@ class Recorded:
     seconds: float = 0.0
     until: str = ""
     on_purpose: bool = False
+    has_bodies: bool = False
     numbers: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     shows: list[str] = field(default_factory=list)
@@ -320,6 +321,7 @@ class Variation(StandIn):
                 shows = sensor.get("outputVariableType")
                 recorded.shows.append("" if shows is None else shows.name)
                 recorded.data.append(data)
+        recorded.has_bodies = bool(self._bodies.of(mbs))
         self.solves.append(recorded)
 
 

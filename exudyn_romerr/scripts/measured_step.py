@@ -1,0 +1,65 @@
+"""What an estimate of the step leaves open, put right by runs with shorter steps: romerr run --measure-step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..report.answers import Answer
+from ..report.cures import CAUSES
+from ..report.verdict_text import UNSURE
+from ..report.verdicts import ESTIMATED, NONE, TOO_COARSE, Row, Verdict, judge, judged_together
+
+if TYPE_CHECKING:
+    from .verify import Verification
+
+
+def is_open(row: Row) -> bool:
+    """Return whether a row's step is one of which no tolerance can be judged."""
+    return "step" in row.of and row.of["step"].answer in UNSURE
+
+
+def with_measured_steps(rows: Iterable[Row], steps: Verification) -> list[Row]:
+    """Return rows of a run, those whose step is open with the step that was measured, where it was.
+
+    A cause that nothing could be said of beside such steps is judged anew; the whole is what causes add up to.
+    """
+    solves = [i for i, solve in enumerate(steps.results["unchanged"].solves) if solve["has_bodies"]]
+    measured = {(row.name, row.component, row.solve): row for row in steps.judgement.rows}
+    of = (measured.get((row.name, row.component, solves[row.solve])) for row in rows)
+    return [*map(_with_measured_step, rows, of)]
+
+
+def _with_measured_step(row: Row, measured: Row | None) -> Row:
+    if measured is None or not is_open(row):
+        return row
+    step = measured.of["step"]
+    if step.how == NONE or (step.half_width is None and step.answer in UNSURE and row.of["step"].how != NONE):
+        return row  # runs that lead nowhere tell no more than the estimate
+    of = {cause: _without_doubt(one, cause, row) for cause, one in row.of.items() if cause != "sum"} | {"step": step}
+    extent = measured.extent if row.extent is None else row.extent
+    limit = measured.limit if row.limit.size is None else row.limit
+    of = judged_together(of | {"sum": _added(of, limit.size)}, extent, limit.size)
+    return replace(row, of=of, extent=extent, limit=limit, largest=row.largest or measured.largest)
+
+
+def _without_doubt(verdict: Verdict, cause: str, row: Row) -> Verdict:
+    """The verdict as it is where steps are resolved."""
+    if verdict.reason != TOO_COARSE:
+        return verdict
+    judged = judge(verdict.size, verdict.half_width, row.tolerance, ESTIMATED, CAUSES[cause].cure, verdict.floor)
+    return replace(judged, time=verdict.time)
+
+
+def _added(of: Mapping[str, Verdict], limit: float | None) -> Verdict:
+    """The whole error, of which nothing but its causes is known: others may be with the largest, or against it."""
+    largest = max(of.values(), key=lambda one: one.size or 0.0)
+    open_causes = [one for one in of.values() if one.half_width is None]
+    if open_causes:
+        reason, cure = open_causes[0].reason, open_causes[0].cure
+        return Verdict(largest.size, None, largest.how, Answer.NOT_KNOWN, reason, cure)
+    most = sum(one.most for one in of.values())
+    least = max(0.0, *(one.least + one.most - most for one in of.values()))
+    whole = judge((most + least) / 2, (most - least) / 2, limit, ESTIMATED, largest.cure)
+    return replace(whole, time=largest.time)
