@@ -179,6 +179,7 @@ def largest_bound(case: Case, reduced: Reduced) -> float:
 RULES = {  # name: kind of bases, rule
     "Craig-Bampton: 1.5 x highest frequency": (craig_bampton, cut_off(1.5)),
     "Craig-Bampton: 2 x highest frequency": (craig_bampton, cut_off(2.0)),
+    "Craig-Bampton: 4 x highest frequency": (craig_bampton, cut_off(4.0)),
     "Craig-Bampton: frequencies right to 1 %": (craig_bampton, frequencies_right),
     "Craig-Bampton: doubled until 1 %": (craig_bampton, doubling),
     "Craig-Bampton: bound within 1 %": (craig_bampton, bounded),
