@@ -48,14 +48,24 @@ class Linearity:
 
     def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
         """Numbers of rows of a block that are looked at, where there are errors e (T, 3, n_a)."""
-        has_errors = e.any(axis=(1, 2))
-        if self._of.has_forces_by_users:  # which need not be smooth: few rows do not tell
-            return np.flatnonzero(has_errors)
+        has_errors, by_users = e.any(axis=(1, 2)), rows_by_users(self._of, block, e)
         masses = np.einsum("tii->ti", block.M)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
-        rows = _rows(block.rows.a, e[:, 0], masses) | set(doubtful)
+        rows = _rows(block.rows.a, e[:, 0], masses) | {*doubtful, *by_users.tolist()}
         return np.array([i for i in sorted(rows) if has_errors[i]], int)
+
+
+def rows_by_users(of: Mechanism, block: Block, e: np.ndarray) -> np.ndarray:
+    """Return numbers of rows in which errors e (T, 3, n_a) change what user functions give.
+
+    These need not be smooth, and few rows do not tell: all rows with errors, where they are of joints and springs.
+    """
+    has_errors = e.any(axis=(1, 2))
+    if not of.has_forces_by_users:
+        t, *state, _ = vars(block.rows).values()
+        has_errors &= of.equations.change_loads(t, state, of.unknowns.moved(state, [*np.moveaxis(e, 1, 0)]))
+    return np.flatnonzero(has_errors)
 
 
 def missed_sizes(of: Mechanism, block: Block, e: np.ndarray, left: np.ndarray, g: np.ndarray) -> np.ndarray:

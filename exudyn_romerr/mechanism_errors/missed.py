@@ -18,7 +18,7 @@ from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 from .factors import Factors, factors_of
 from .half_widths import Largest
-from .linearity import UnmovedForces, largest_shares, missed_sizes, nonlinear_forces
+from .linearity import UnmovedForces, largest_shares, missed_sizes, nonlinear_forces, rows_by_users
 from .march import March, State
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ class MissedForces:
             kicks, g = self._to_be_added(block, first, e, lam, unmoved, share < MUCH)
             added = self._added.through(block, factors, kicks[..., None], self._before, g[..., None])
             added = [x[..., 0] for x in added]
-        if self._of.has_forces_by_users:  # which need not be smooth: few rows do not tell
-            rows = np.flatnonzero(e[:, 0].any(axis=1))
-        if self._for_bounds and (is_added or self._of.has_forces_by_users):
+        by_users = rows_by_users(self._of, block, e[..., : self._of.unknowns.n_a])
+        rows = np.union1d(rows, by_users)
+        if self._for_bounds and (is_added or len(by_users)):
             e, lam = (x + y for x, y in zip((e, lam), added, strict=True))
             now = self._missed(block, rows, e, lam, unmoved)
             missed = [x - y[rows] for x, y in zip(now, (kicks, g), strict=True)]

@@ -20,7 +20,7 @@ from ...mechanism.rows import Rows
 from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
-from ..access.detached import READS_SENSORS, Detached
+from ..access.detached import READS_SENSORS, Detached, load_functions
 from ..access.equations import Equations, state_in_place
 from ..access.mbs_items import QUATERNIONS, Items
 from ..access.solvers import threads
@@ -75,6 +75,11 @@ class HollowCopy:
         for load in (number for one in enriched for number in one.weights):
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
+        self._loads = [
+            (function, load.get("loadVector", load.get("load")))
+            for load in Items(self.mbs).loads
+            for function in load_functions(load)
+        ]
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
         self._state = state_in_place(
@@ -201,6 +206,22 @@ class HollowCopy:
         wide = [self.wide(x, y) for x, y in zip(states, np.moveaxis(kept, 1, 0), strict=True)]
         forces, g = self._unbalanced(t, wide, lam, at_once=True)
         return self._on_unknowns(forces[:, None], wide[0])[:, 0], g
+
+    def change_loads(self, t: np.ndarray, states: Sequence[np.ndarray], moved: Sequence[np.ndarray]) -> np.ndarray:
+        """Return whether user functions of loads do otherwise in moved states than in these, (T,)."""
+        found = np.zeros(len(t), bool)
+        if not self._loads:
+            return found
+        here, there = ([*map(self.wide, one)] for one in (states, moved))
+        for i, now in enumerate(t):
+            before, after = (self._loads_at(now, [x[i] for x in one]) for one in (here, there))
+            found[i] = not np.array_equal(before, after)
+        return found
+
+    def _loads_at(self, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
+        """What user functions of loads give in a state."""
+        self.set(t, *state)
+        return np.concatenate([np.ravel(function(self.mbs, t, given)) for function, given in self._loads])
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
