@@ -209,7 +209,7 @@ class KeptSignal(InputSignal):
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body.
+    body : the full body. is_live : whether bounds are needed while a solve goes on, where they are known.
     """
 
     def __init__(self, flex: ReducedBody, options: BoundOptions):
@@ -218,7 +218,7 @@ class LinearSubject:
         self._signal = None if flex.input_function is None else KeptSignal(flex)
         self._options = replace(options, inputs=flex.inputs, input_function=self._signal)
         self._offline = prepare(self.body, self._basis, self._options)
-        self.columns, self.floor = slice(0, 0), 0.0
+        self.columns, self.floor, self.is_live = slice(0, 0), 0.0, True
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -233,9 +233,6 @@ class LinearSubject:
         """Bound further outputs."""
         self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
         self._offline = prepare(self.body, self._basis, self._options)
-
-    def at_every_step(self) -> None:
-        """Let bounds be known while a solve goes on: they are."""
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something beside its inputs acts on it."""

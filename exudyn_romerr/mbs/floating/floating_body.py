@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -13,7 +12,7 @@ import scipy.sparse as sp
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
-from ...model.floating_frame import require_isotropic_mass, translations
+from ...model.floating_frame import require_isotropic_mass
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from .frame_node import FrameNode, RigidPart
@@ -50,11 +49,6 @@ class FloatingBody:
     def number(self) -> int:
         """Exudyn's number of the object."""
         return int(self.items["oFFRFreducedOrder"])
-
-    @cached_property
-    def carried(self) -> np.ndarray:
-        """M e_j (N, 3) of unit translations."""
-        return translations(self.mass)
 
 
 def floating_body(

@@ -159,9 +159,10 @@ class Actions:
         parts = [one.by(detached) for one in self.gravity]
         return lambda t: sum((np.asarray(part(t), float) for part in parts), np.zeros(3))
 
-    def sizes_of_gravity(self) -> np.ndarray:
-        """Return the sum (3,) of the sizes of all accelerations of gravity at the start."""
-        return sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
+    def weight(self, carried: np.ndarray) -> float:
+        """Largest entry of V^T M e_j (n, 3) times the size of gravity at the start: terms that may cancel."""
+        sizes = sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
+        return float(np.max(np.abs(carried) @ sizes, initial=0.0))
 
     @property
     def free(self) -> list[str]:

@@ -17,7 +17,7 @@ from ...linalg.blocked_products import consecutive
 from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.problem import Deferred
 from ...linear.run.prepare import BoundOptions, prepare
-from ...model.floating_frame import FramePose, Jitter
+from ...model.floating_frame import FramePose, Jitter, translations
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ..access.mbs_items import Items, is_active, node_coordinates, nodes_of, numbers
@@ -26,7 +26,7 @@ from .built_in import as_built_in
 from .floating_body import read_object
 from .modal_damping import damping_text, require_modal_damping
 from .reference_search import seen_body
-from .sampler import InputTerms, Sampler
+from .sampler import InputTerms, Sampler, wrenches_from_balance
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
 if TYPE_CHECKING:
@@ -188,13 +188,14 @@ class MovingSubject:
     What reacts to the body's deformation is frozen, as this simulation has it.
 
     scope : asked for. alone : whether nobody else estimates the other sensors of the mbs. flex : the body. body : the
-    full one, as the last solve saw it. sensors : on the body, if they are outputs. floor : see SolverFacts.
+    full one, as the last solve saw it. sensors : on the body, if they are outputs. floor : see SolverFacts. is_live :
+    whether bounds are needed while a solve goes on, in mechanisms of scope "inputs frozen".
     """
 
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
         self.item, self.flex, self.scope, self._alone = flex.number, flex, scope, alone
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
-        self._options, self._at_every_step = replace(options, outputs=options.outputs or ()), False
+        self._options, self.is_live = replace(options, outputs=options.outputs or ()), options.tolerance is not None
         self.columns = np.zeros(0, dtype=int)
         self._made: dict[tuple, Sampler] = {}  # for this solve and one before: a static one, most often
         self.body: ElasticBody | None = None
@@ -232,15 +233,6 @@ class MovingSubject:
         seen, support = self._seen(mbs, static)
         return self._offline(mbs, seen, support, find_level(self.scope, seen.actions, support, why_not))
 
-    def at_every_step(self) -> None:
-        """Let bounds be known while a solve goes on, of scope "inputs frozen" in mechanisms."""
-        self._at_every_step = True
-
-    @property
-    def is_live(self) -> bool:
-        """Whether bounds are needed while a solve goes on; those of a mechanism are told when it has ended."""
-        return self._at_every_step or self._options.tolerance is not None
-
     @property
     def vectors(self) -> int:
         """How many vectors the mechanism is told of."""
@@ -274,13 +266,14 @@ class MovingSubject:
         known = self._made.pop(signature, None)
         if known is None:
             terms = InputTerms(seen, support.at_rest)
-            known = Sampler.of(seen, terms, self._prepare(seen, terms, self._scene(seen, terms, support, level)))
+            offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
+            known = Sampler(model.frame, actions, terms, offline, wrenches_from_balance(offline, terms, actions))
         self._made = dict([*self._made.items()][-1:])
         # functions of time may be other ones
         self._made[signature] = self._sampler = replace(known, actions=actions)
         self.columns, self._model = _columns(mbs, model), model
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
-        self.floor = self._sampler.weight(model.V.T @ self.flex.carried)
+        self.floor = actions.weight(model.V.T @ translations(self.flex.mass))
         return self._sampler.offline
 
     @property

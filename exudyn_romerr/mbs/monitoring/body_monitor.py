@@ -12,8 +12,8 @@ from ...errors import RunError
 from ...linear.run.balance import UNKNOWN
 from ...linear.run.record import doubts_in
 from ...linear.run.run import BLOCK, Run
-from ...report.scope import COUPLED
-from ...report.wording import not_certified
+from ...report.scope import COUPLED, cures_of
+from ...report.wording import for_run_alone, not_certified
 from ..access.solvers import SAME_TIME, solver_facts
 
 if TYPE_CHECKING:
@@ -166,6 +166,21 @@ class MonitoredBody:
                 self.told.stopped = t
             ended = "the run ended" if self.run.solver.ends_early(t) is False else "stopped"
             self.note(f"{ended} at t = {t:g}: {reason}")
+
+    def bounds_at(self, t: float) -> dict[str, np.ndarray]:
+        """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
+        is_bounded = self.run is not None and self.succession.last[0] == t
+        return {name: rows[0] for name, rows in self.run.best_of_last(1).items()} if is_bounded else {}
+
+    def scope(self) -> dict[str, str]:
+        """Return what the bounds of the run under way cover, by estimator."""
+        return dict.fromkeys(self.run.assumptions(), self.run.offline.scene.scope)
+
+    def what_numbers_cannot_say(self) -> str:
+        """Return in words why the bounds so far are not certified, and what they leave out; empty: nothing."""
+        doubts, alone = self.run.doubts(), for_run_alone(self.scope())
+        said = [alone and f"it holds {alone}", doubts and f"{not_certified(doubts)}: {cures_of(doubts)}"]
+        return "; ".join(filter(None, said))
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""

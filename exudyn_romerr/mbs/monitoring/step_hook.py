@@ -17,6 +17,7 @@ from ...linear.run.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
+from ...report.wording import rounded_up, under, with_unit
 from ..access.equations import IN_PLACE
 from ..access.mbs_items import FFRF, Items
 from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
@@ -25,11 +26,10 @@ from ..floating.sensor_outputs import other_sensors
 from ..mirror.hollow_copy import require_covered
 from ..mirror.pre_step import parameters
 from ..mirror.told_solve import Asked, Ended
-from .live_output import live_line
 from .mechanism_run import BodyRun, MechanismRun
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from ...report.data import Plan
     from .body_monitor import MonitoredBody
@@ -318,6 +318,19 @@ class StepHook:
         if [x.shape for x in self._arrays] != shapes:
             self._arrays = tuple(map(np.empty, shapes))
         return self._arrays
+
+
+def live_line(watches: Sequence[MonitoredBody], t: float) -> str:
+    """Return in words what the bounds are at t, the largest of the rows of each output."""
+    found = [
+        f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}"
+        f"{under(watch.scope(), doubts=watch.run.doubts())}"
+        for watch in watches
+        for bounds in [watch.bounds_at(t)]
+        for out in watch.subject.outputs
+        if out.name in bounds
+    ]
+    return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
 
 
 def block_rows(size: int, width: int = CACHED) -> int:
