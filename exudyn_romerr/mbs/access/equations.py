@@ -37,21 +37,14 @@ def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
 
 
 @contextmanager
-def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
-    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
-    t, state = system.GetTime(), current_state(system)
-    try:
-        yield state
-    finally:
-        set_state(system, t, state)
-
-
-@contextmanager
 def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
-    """Set the current state for a while."""
-    with state_kept(system):
+    """Set the current state for a while: time, q, q_t, q_tt and multipliers."""
+    before = system.GetTime(), current_state(system)
+    try:
         set_state(system, t, state)
         yield
+    finally:
+        set_state(system, *before)
 
 
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)

@@ -13,13 +13,14 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from ...basis.basis import Basis
 from ...checks import check_array, check_type
 from ...errors import AssumptionError, InputError
+from ...linalg.blocked_products import consecutive
 from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.residual import initial_coordinates
 from ...linear.run.prepare import prepare
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs
 from .detached import Detached
-from .mbs_items import Items, nodes_of, numbers
+from .mbs_items import Items, node_coordinates, nodes_of, numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -237,8 +238,7 @@ class LinearSubject:
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something beside its inputs acts on it."""
         _require_inputs_only(Items(mbs), self._node, self.item)
-        first = mbs.GetNodeODE2Index(self._node)
-        self.columns = slice(first, first + len(self._model.M))
+        self.columns = consecutive(node_coordinates(mbs, self._node))
         return self._offline
 
     def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:

@@ -18,7 +18,7 @@ from ...errors import AssumptionError
 from ..access.copied_mbs import bare, object_terms
 from ..access.detached import Detached, functions_of
 from ..access.equations import Equations, set_state
-from ..access.mbs_items import QUATERNIONS, Items, dense
+from ..access.mbs_items import QUATERNIONS, Items, dense, node_coordinates
 from ..access.solvers import raised, threads
 from .floating_body import object_of
 
@@ -153,8 +153,7 @@ class _Alone:
             add_weight(to, number, gravity)
         to.Assemble()
         self._equations = Equations(to, threads(mbs))
-        nodes = map(int, item["nodeNumbers"])
-        self._own = np.concatenate([np.array(to.systemData.GetNodeLTGODE2(node), int) for node in nodes])
+        self._own = np.concatenate([node_coordinates(to, int(node)) for node in item["nodeNumbers"]])
 
     def values(self, states: Sequence[tuple], scales: np.ndarray) -> _Values:
         """Return masses and forces of the body in states (t, q, v) of its coordinates."""

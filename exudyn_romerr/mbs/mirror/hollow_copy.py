@@ -22,7 +22,7 @@ from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations, state_in_place
-from ..access.mbs_items import QUATERNIONS, Items
+from ..access.mbs_items import QUATERNIONS, Items, node_coordinates
 from ..access.solvers import threads
 from .pre_step import PreStep
 from .vectors import Enriched
@@ -77,23 +77,21 @@ class HollowCopy:
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
-        self._state = state_in_place(
-            self.mbs.systemData
-        )  # to be asked for once: that takes twice as long as to set it
+        # to be asked for once: that takes twice as long as to set it
+        self._state = state_in_place(self.mbs.systemData)
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
     def _places(self, mbs: Any, enriched: Sequence[Enriched]) -> tuple[np.ndarray, np.ndarray]:
         """Where coordinates of the mbs, and vectors, are among those of the copy."""
-        of, wide = mbs.systemData, self.mbs.systemData
-        own, extra = np.zeros(self._unknowns.n_q, int), []
-        for number in range(of.NumberOfNodes()):
-            mine, there = of.GetNodeLTGODE2(number), wide.GetNodeLTGODE2(number)
-            own[mine] = there[: len(mine)]
+        own, extra = np.zeros(self._unknowns.n_q, int), [np.zeros(0, int)]
+        for number in range(mbs.systemData.NumberOfNodes()):
+            mine = node_coordinates(mbs, number)
+            own[mine] = node_coordinates(self.mbs, number)[: len(mine)]
         for one in enriched:
             node = int(mbs.GetObject(one.body.place.number)["nodeNumbers"][1])
-            extra += [*wide.GetNodeLTGODE2(node)[one.body.n :]]
-        return own, np.array(extra, int)
+            extra.append(node_coordinates(self.mbs, node)[one.body.n :])
+        return own, np.concatenate(extra)
 
     def wide(self, x: np.ndarray, vectors: np.ndarray | float = 0.0) -> np.ndarray:
         """Return coordinates (..., n_q) of the run, and of vectors, as the copy has them."""
@@ -101,12 +99,10 @@ class HollowCopy:
         found[..., self.own], found[..., self.extra] = x, vectors
         return found
 
-    def set(
-        self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
-    ) -> None:
-        """Set a state in coordinates of the copy."""
+    def set(self, t: float, *state: np.ndarray) -> None:
+        """Set q, v, a in coordinates of the copy, and multipliers where they are given."""
         self.mbs.systemData.SetTime(t)
-        for place, x in zip(self._state, (q, v, a) if multipliers is None else (q, v, a, multipliers), strict=False):
+        for place, x in zip(self._state, state, strict=False):
             place[:] = x
 
     def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -345,7 +341,7 @@ def require_covered(mbs: Any) -> None:
         raise AssumptionError("coordinates of first order (ODE1) are not covered")
     for number in range(system.NumberOfNodes()):
         kind = mbs.GetNode(number)["nodeType"]
-        if kind in WITHOUT_TANGENT and len(system.GetNodeLTGODE2(number)):
+        if kind in WITHOUT_TANGENT and len(node_coordinates(mbs, number)):
             raise AssumptionError(f"node {number} of type {kind} is not covered")
 
 
@@ -363,7 +359,7 @@ def unknowns_of(mbs: Any, bodies: Sequence[Body]) -> Unknowns:
     system, others = mbs.systemData, []
     taken = {int(i) for body in bodies for i in (*body.place.frame, *body.place.modal)}
     for number in range(system.NumberOfNodes()):
-        mine = np.array(system.GetNodeLTGODE2(number), int)
+        mine = node_coordinates(mbs, number)
         if len(mine) and taken.isdisjoint(mine.tolist()):
             taken |= set(mine.tolist())
             node = mbs.GetNode(number)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from re import sub
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from ...mechanism_bounds.bounds import MeshRows
 from ...model.outputs import AXES, Output
 from ...report.data import UNITS
 from ..access.detached import Detached
-from ..access.mbs_items import sensor_name
+from ..access.mbs_items import Items, sensor_names
 from ..floating.sensor_outputs import NO_STATE, measured_of
 from .hollow_copy import STEP, HollowCopy
 from .pre_step import PreStep
@@ -45,7 +45,8 @@ NO_FUNCTION = "its object has a user function, which is not called away from the
 class ShownSensor:
     """A sensor, or an output of a body, that can be told: its name, rows, what it shows in words.
 
-    number : Exudyn's; None: an output, of body number `body`. shows : rows that are shown of it, of those it has.
+    number : Exudyn's; None: an output, of body number `body`. shows : rows that are shown of it, of those it has;
+    own : numbers of these among the rows of all.
     """
 
     name: str
@@ -57,6 +58,11 @@ class ShownSensor:
     labels: tuple[str, ...]
     shows: np.ndarray
     quantity: str
+
+    @property
+    def own(self) -> np.ndarray:
+        """See above."""
+        return self.rows.start + self.shows
 
 
 class Sensors:
@@ -91,8 +97,8 @@ class Sensors:
         self.in_frames: list[MeshRows] = []
         self._axes: list[int] = []
         self.count = 0
-        for number in range(mbs.systemData.NumberOfSensors()) if numbers is None else numbers:
-            self._add(number)
+        for one in _looked_at(mbs, numbers):
+            self._add(*one)
         for b, of_body in enumerate(outputs):
             for out in of_body:
                 self._add_output(b, out)
@@ -100,12 +106,10 @@ class Sensors:
         self._pre_step = pre_step
         self._copy = HollowCopy(mbs, enriched, unknowns, detached, True, pre_step) if self._asked else None
 
-    def _add(self, number: int) -> None:
-        item, name = self._mbs.GetSensor(number), sensor_name(self._mbs, number)
-        if why := _why_not(self._mbs, item):
+    def _add(self, number: int, name: str, item: dict[str, Any], kind: str, why: str) -> None:
+        if why:
             self.left_out.append((name, why))
             return
-        kind = _kind(item)
         for b, one in enumerate(self._enriched):
             found = measured_of(self._mbs, one.known.flex, number)
             if found is not None:
@@ -299,20 +303,21 @@ class Planned(NamedTuple):
 
 def planned_sensors(mbs: Any, numbers: Iterable[int]) -> tuple[list[Planned], list[tuple[str, str]]]:
     """Return the sensors that can be told, as far as is known before a solve, and (name, why) of the others."""
-    found, left_out = [], []
-    for number in numbers:
-        item, name = mbs.GetSensor(number), sensor_name(mbs, number)
-        if why := _why_not(mbs, item):
-            left_out.append((name, why))
-        else:
-            found.append(Planned(name, *_words(_kind(item))))
-    return found, left_out
+    seen = [*_looked_at(mbs, numbers)]
+    found = [Planned(name, *_words(kind)) for _, name, _, kind, why in seen if not why]
+    return found, [(name, why) for _, name, _, _, why in seen if why]
 
 
-def _kind(item: dict[str, Any]) -> str:
-    """What a sensor shows, as Exudyn calls it; empty: it has no such name."""
-    kind = item.get("outputVariableType")
-    return "" if kind is None else kind.name
+def _looked_at(mbs: Any, numbers: Iterable[int] | None) -> Iterator[tuple[int, str, dict[str, Any], str, str]]:
+    """Number, name, dictionary and kind of sensors, None: of all, and why they cannot be told; empty: they can.
+
+    kind : what one shows, as Exudyn calls it; empty: it has no such name.
+    """
+    sensors, names = Items(mbs).sensors, sensor_names(mbs)
+    for number in range(len(sensors)) if numbers is None else numbers:
+        item = sensors[number]
+        kind = getattr(item.get("outputVariableType"), "name", "")
+        yield number, names[number], item, kind, _why_not(mbs, item, kind)
 
 
 def _words(kind: str) -> tuple[str, str]:
@@ -321,15 +326,14 @@ def _words(kind: str) -> tuple[str, str]:
     return sub(r"(?<!^)([A-Z])", r" \1", shown).lower(), UNITS.get(shown, "")
 
 
-def _why_not(mbs: Any, item: dict[str, Any]) -> str:
+def _why_not(mbs: Any, item: dict[str, Any], kind: str) -> str:
     """Why a sensor cannot be told; empty: it can."""
-    kind = item["sensorType"]
-    if kind in NO_STATE:
-        return NO_STATE[kind]
-    if kind == "Object":
+    if item["sensorType"] in NO_STATE:
+        return NO_STATE[item["sensorType"]]
+    if item["sensorType"] == "Object":
         on = mbs.GetObject(int(item["objectNumber"]))
         if any(key.endswith("UserFunction") and value for key, value in on.items()):
             return NO_FUNCTION
-    if kind == "SuperElement" and _kind(item).startswith(("Stress", "Strain")):
+    if item["sensorType"] == "SuperElement" and kind.startswith(("Stress", "Strain")):
         return OF_ELEMENTS
     return ""

@@ -30,6 +30,7 @@ from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
 from ..access.detached import user_functions
 from ..access.equations import state_set
+from ..access.mbs_items import node_coordinates
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy, require_covered, unknowns_of
@@ -44,9 +45,8 @@ if TYPE_CHECKING:
     from ...model.outputs import Output
     from ..floating.floating_body import FloatingBody
 
-TURNS = (
-    20.0  # vectors slower than so many times the angular velocity of the frame are kept: 100 changed 0.5 % at most
-)
+# vectors slower than so many times the angular velocity of the frame are kept: 100 changed 0.5 % at most
+TURNS = 20.0
 SAME = 1e-4  # of the largest force: what may be left of the equations of motion at stored rows
 PART_OF = {"modes": "basis", "interfaces": "interfaces", "step": "time step"}
 UNKNOWN_ACTS = (
@@ -229,7 +229,7 @@ def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) 
 
 def _shown_of(of: Content, sensor: ShownSensor) -> Content:
     """What a sensor shows of it."""
-    own = sensor.rows.start + sensor.shows
+    own = sensor.own
     return Content(of.known[:, own], {c: x[..., own] for c, x in of.parts.items()}, of.step[:, own], of.rest[:, own])
 
 
@@ -313,8 +313,8 @@ def _in_last_state(mbs: Any, rows: Rows) -> AbstractContextManager:
 def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]:
     """Largest angular velocity of each frame, rad/s."""
     nodes = (int(mbs.GetObject(flex.number)["nodeNumbers"][0]) for flex in flexes)
-    own = [np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in nodes]
-    return [float(2 * np.linalg.norm(rows.v[:, x[3:]], axis=1).max()) for x in own]
+    turns = (rows.v[:, node_coordinates(mbs, node)[3:]] for node in nodes)
+    return [float(2 * np.linalg.norm(x, axis=1).max()) for x in turns]
 
 
 def _outputs(
@@ -330,7 +330,7 @@ def _outputs(
 
 
 def _shown(sensor: ShownSensor, out: OutputReport) -> Shown:
-    return Shown(sensor.name, sensor.unit, sensor.rows.start + sensor.shows, out.extents)
+    return Shown(sensor.name, sensor.unit, sensor.own, out.extents)
 
 
 def _output(
@@ -340,7 +340,7 @@ def _output(
     bound: np.ndarray,
     doubts: tuple[Doubt, ...],
 ) -> OutputReport:
-    own = sensor.rows.start + sensor.shows
+    own = sensor.own
     value, bound = value[:, own], bound[:, own]
     none = np.broadcast_to(0.0, value.shape)  # takes no memory
     parts = dict.fromkeys(CAUSES, none) | {PART_OF[cause]: x.over_time[:, own] for cause, x in by_cause.items()}

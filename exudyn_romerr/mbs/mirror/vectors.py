@@ -24,7 +24,7 @@ from ...model.admissible_space import rigid_modes
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
-from ..access.mbs_items import Items
+from ..access.mbs_items import Items, node_coordinates
 from ..floating.floating_body import FloatingBody
 from ..floating.moving_subject import require_free_node
 from ..floating.reference_search import SeenBody, seen_body
@@ -88,7 +88,7 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     others = np.vstack([np.eye(P.shape[1])[omega < slow], _moving_others(flex, model.V, P)])
     P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, others)
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
-    coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
+    coordinates = (node_coordinates(mbs, node) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
     n, shapes = model.V.shape[1], np.hstack([model.V, P])
     held = np.hstack([model.held, P])

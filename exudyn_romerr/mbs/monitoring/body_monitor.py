@@ -98,7 +98,7 @@ class MonitoredBody:
             self.error = run.error
             return
         with self.kept_errors():
-            self._begin_alone(mbs, self.subject.read(mbs, run.is_static, str(run.error)))
+            self._begin_alone(mbs, self.subject.read(mbs, run.asked.is_static, str(run.error)))
         rows = run.rows()
         for first in range(0, len(rows), BLOCK):
             part = rows[first : first + BLOCK]

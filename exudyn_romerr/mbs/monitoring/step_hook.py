@@ -20,7 +20,7 @@ from ...report.scope import UNATTACHED
 from ...report.wording import rounded_up, under, with_unit
 from ..access.equations import IN_PLACE
 from ..access.mbs_items import FFRF, Items
-from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
+from ..access.solvers import holds_rates, just_begun, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.hollow_copy import require_covered
@@ -152,7 +152,9 @@ class StepHook:
         """Read the mbs; return whether each step is to be evaluated at once."""
         self._occupant, self._mbs = slot_function(mbs), weakref.ref(mbs)
         self.run, self._has_begun = None, False
-        static = running_static_solver(mbs, self._static_solver)
+        # one kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one
+        static = just_begun(mbs, static=True)
+        static = None if static is self._static_solver else static
         self._static_solver = static or self._static_solver
         solver = just_begun(mbs) if static is None else static
         self._verbose = solver is not None and solver.output.verboseMode > 1
@@ -223,7 +225,7 @@ class StepHook:
         for watch in self.watches:
             if watch.is_told and self.run is None:
                 watch.fall_back(mbs, run)
-            elif watch.is_told and run.is_known:
+            elif watch.is_told and run.known is not None:
                 watch.error = None  # of what was shown at once
 
     def _evaluate(self) -> None:
