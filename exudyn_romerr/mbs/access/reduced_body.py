@@ -257,7 +257,12 @@ def _require_inputs_only(items: Items, node: int, item: int) -> None:
 
     The bound knows the load B f(t) and nothing else.
     """
-    on_it = {i for i, marker in enumerate(items.markers) if node in nodes_of(marker) or item in _objects_of(marker)}
+    keys = ("bodyNumber", "objectNumber")
+    on_it = {
+        i
+        for i, marker in enumerate(items.markers)
+        if node in nodes_of(marker) or any(item in numbers(marker, key) for key in keys)
+    }
     culprits = [f"load {i}" for i, load in enumerate(items.loads) if int(load["markerNumber"]) in on_it]
     culprits += [
         f"object {i}"
@@ -269,7 +274,3 @@ def _require_inputs_only(items: Items, node: int, item: int) -> None:
             f"on the reduced body (object {item}) act beside its input_function: {', '.join(culprits)}; "
             "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
         )
-
-
-def _objects_of(marker: dict) -> set[int]:
-    return numbers(marker, "bodyNumber") | numbers(marker, "objectNumber")

@@ -97,7 +97,10 @@ def floating_body(
     -----
     Source: docs/theory.md, floating frame. Does not cover: geometric stiffening.
     """
-    _check_version(exu.__version__)
+    if tuple(int(part) for part in exu.__version__.split(".")[:2]) < OLDEST:
+        raise InputError(
+            f"Exudyn {exu.__version__} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
+        )
     if not hasattr(fem, "GetMassMatrix"):
         raise InputError(f"fem is a {type(fem).__name__}; needed: the FEMinterface that the modes were computed with")
     for name in ("massMatrix", "stiffnessMatrix"):
@@ -132,13 +135,6 @@ def floating_body(
         )
     require_isotropic_mass(flex.mass)
     return flex
-
-
-def _check_version(version: str) -> None:
-    if tuple(int(part) for part in version.split(".")[:2]) < OLDEST:
-        raise InputError(
-            f"Exudyn {version} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
-        )
 
 
 @dataclass(frozen=True)
@@ -192,7 +188,13 @@ def _checked(flex: FloatingBody, V: np.ndarray, positions: np.ndarray, *reduced:
     if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
         raise InputError("fem has other node positions than the body: items belong to another fem")
     for name, full, matrix in zip(("mass", "stiffness"), (flex.mass, flex.stiffness), reduced, strict=False):
-        _check_reduction(name, V.T @ (full @ V), matrix)
+        expected = V.T @ (full @ V)
+        off = np.max(np.abs(matrix - expected)) / np.max(np.abs(expected))
+        if off > SAME_MATRICES:
+            raise InputError(
+                f"{name}MatrixReduced of the body differs from V^T {name} V of the fem by {off:.1e} of its largest "
+                "entry: another fem, a fem changed since, or reduced matrices that were edited"
+            )
     return rayleigh_factors(*reduced) if flex.modal_damping is None else (0.0, 0.0)
 
 
@@ -214,15 +216,6 @@ def object_of(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
             "another fem"
         )
     return item
-
-
-def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None:
-    off = np.max(np.abs(found - expected)) / np.max(np.abs(expected))
-    if off > SAME_MATRICES:
-        raise InputError(
-            f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
-            "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
-        )
 
 
 def rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:

@@ -191,23 +191,19 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     if vector.at is None:
         return np.tile(vector.given, (len(t), 1))
     times, again = np.unique(t, return_inverse=True)
-    return _called(vector, times)[again]
-
-
-def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
-    """The same at ascending times (T,), (T, 3)."""
     if vector.function is None:
-        return _values(vector.at(None), times)
+        return _values(vector.at(None), times)[again]
     detached = Detached(vector.mbs(), [vector.function])
     try:
         with detached.in_use(*filter(None, [vector.mbs()])):
-            return _values(vector.by(detached), times)
+            return _values(vector.by(detached), times)[again]
     finally:  # what it keeps may make it fail, too
         if detached.has_changed():
             raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
 
 
 def _values(at: Callable[[float], Any], times: np.ndarray) -> np.ndarray:
+    """A function of time at ascending times (T,), (T, 3)."""
     values = values_at_once(at, times, 3) if len(times) > FEW else None
     if values is None:  # backwards: the run may be at the last time, where memory of the time would be what it was
         values = np.array([at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]

@@ -203,7 +203,8 @@ class MovingSubject:
     def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
         """Read body, joints and loads, and how they hold its frame."""
         seen, items = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
-        self.body = seen.held
+        self.body, self._model = seen.held, seen.model
+        self.columns = consecutive(np.concatenate([node_coordinates(mbs, node) for node in seen.model.nodes]))
         return seen, read_support(items, seen.model, seen.idle)
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
@@ -225,7 +226,6 @@ class MovingSubject:
             raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
         self._lines = self._found(seen, support)
         self._take_sensors(mbs, level)
-        self.columns, self._model = _columns(mbs, seen.model), seen.model
         return None
 
     def read_alone(self, mbs: Any, static: bool, why_not: str) -> Offline:
@@ -271,7 +271,6 @@ class MovingSubject:
         self._made = dict([*self._made.items()][-1:])
         # functions of time may be other ones
         self._made[signature] = self._sampler = replace(known, actions=actions)
-        self.columns, self._model = _columns(mbs, model), model
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
         self.floor = actions.weight(model.V.T @ translations(self.flex.mass))
         return self._sampler.offline
@@ -364,8 +363,3 @@ class MovingSubject:
             computed=self._found(seen, support),
             left_out=tuple(left_out),
         )
-
-
-def _columns(mbs: Any, model: ReducedMatrices) -> slice | np.ndarray:
-    """Where a body's coordinates are among those of the mbs."""
-    return consecutive(np.concatenate([node_coordinates(mbs, node) for node in model.nodes]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -165,13 +164,15 @@ def told_solve(
     flexes = asked.flexes
     mbs = as_built_in(mbs, flexes)
     shown = rows[-1:] if asked.is_static else rows
-    rows = _as_equations_have_it(shown, asked.is_static)
+    # with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0
+    rows = replace(shown, multipliers=-shown.multipliers) if asked.is_static else shown
     of_loads, of_objects = user_functions(mbs)
     detached, pre_step = detached_with(mbs, [*of_loads, *of_objects], rows, asked.begun or {})
     if detached.lost:
         raise AssumptionError(HOLDS.format(detached.lost))
+    t, *state = shown.row(-1)  # of the last accepted step: a step that failed may have left the mbs in another one
     # an error that grows beyond all numbers is told as not known; numpy says nothing of it in the user's run
-    with detached.in_use(mbs), _in_last_state(mbs, shown), np.errstate(all="ignore"):
+    with detached.in_use(mbs), state_set(mbs.systemData, t, state), np.errstate(all="ignore"):
         bodies = [
             enriched(mbs, flex, asked.vectors, TURNS * w, detached)
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
@@ -206,7 +207,8 @@ def told_solve(
         at_once = () if asked.is_static else max((_beside_steps(one, rows) for one in bodies), key=len)
         outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
         vectors = [one.shapes[:, one.body.n :] for one in bodies]
-        modes = WithoutModes(of, [*map(_shown, sensors.shown, outputs)], [*zip(vectors, squares, strict=True)])
+        shown_of = [Shown(x.name, x.unit, x.own, out.extents) for x, out in zip(sensors.shown, outputs, strict=True)]
+        modes = WithoutModes(of, shown_of, [*zip(vectors, squares, strict=True)])
         owners = [one.body for one in sensors.shown]
         of_mbs, *of_bodies = (
             [out for out, b in zip(outputs, owners, strict=True) if b == which]
@@ -268,11 +270,6 @@ def _bounded(bounds: Bounds, by_cause: dict[str, CauseEstimate]) -> tuple[np.nda
     return bound, NOT_RESOLVED if bound is None else ""
 
 
-def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
-    """Rows with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0."""
-    return Rows(rows.t, rows.q, rows.v, rows.a, -rows.multipliers) if is_static else rows
-
-
 def _beside_steps(one: Enriched, rows: Rows) -> tuple[str, ...]:
     """What helps beside shorter steps where a body rings from its start on."""
     body, n = one.body, one.body.n
@@ -304,12 +301,6 @@ def is_rigid(bodies: Sequence[Enriched]) -> bool:
     return any(one.known.stiff is not None for one in bodies)
 
 
-def _in_last_state(mbs: Any, rows: Rows) -> AbstractContextManager:
-    """The mbs in the state of its last accepted step: a step that failed may have left another one."""
-    t, *state = rows.row(-1)
-    return state_set(mbs.systemData, t, state)
-
-
 def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]:
     """Largest angular velocity of each frame, rad/s."""
     nodes = (int(mbs.GetObject(flex.number)["nodeNumbers"][0]) for flex in flexes)
@@ -327,10 +318,6 @@ def _outputs(
     values = sensors.values(rows)
     bound = np.full(values.shape, np.inf) if bound is None else bound
     return [_output(one, values, by_cause, bound, doubts) for one in sensors.shown]
-
-
-def _shown(sensor: ShownSensor, out: OutputReport) -> Shown:
-    return Shown(sensor.name, sensor.unit, sensor.own, out.extents)
 
 
 def _output(
