@@ -178,8 +178,7 @@ class Sensors:
         shown = []
         for moved in (0.0, STEP):
             self._copy.begin_step(t, moved)
-            self._copy.set(t, *map(self._copy.wide, (q, v, a)), lam)
-            shown.append(self._read())
+            shown.append(self.shown_by(t, *map(self._copy.wide, (q, v, a)), lam))
         changed = shown[0] != shown[1]
         self.left_out += [(one.name, IS_SET) for one in self.shown if changed[one.rows].any()]
         self.shown = [one for one in self.shown if not changed[one.rows].any()]
@@ -200,12 +199,9 @@ class Sensors:
     def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return what sensors without closed form show in a state of the copy, (R,), zero of all others."""
         self._copy.set(t, q, v, a, lam)
-        return self._read()
-
-    def _read(self) -> np.ndarray:
-        found, of = np.zeros(self.count), self._copy.mbs
+        found = np.zeros(self.count)
         for one in self._asked:
-            found[one.rows] = np.ravel(of.GetSensorValues(one.number))
+            found[one.rows] = np.ravel(self._copy.mbs.GetSensorValues(one.number))
         return found
 
 

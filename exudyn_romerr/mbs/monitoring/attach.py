@@ -105,8 +105,17 @@ def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | N
 
 def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     """Everything is known already: the offline work is done now."""
-    _refuse_sensors(options.outputs)
-    if options.outputs is None:
+    outputs = options.outputs
+    for out in [outputs] if isinstance(outputs, str) else outputs if isinstance(outputs, list | tuple) else ():
+        if isinstance(out, Integral | exu.SensorIndex | str):
+            found = repr(out) if isinstance(out, str) else f"sensor {int(out)}"
+            name = out if isinstance(out, str) else "tip"
+            raise InputError(
+                f"outputs contains {found}; a sensor on NodeGenericODE2 shows reduced coordinates, no output of the "
+                f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
+                "component='z') instead"
+            )
+    if outputs is None:
         raise InputError(
             "outputs is missing: sensors cannot tell what to bound of a body made by add_reduced_body; pass "
             "outputs=[romerr.node_displacement('tip', node=..., component='z')], romerr.Output(name, rows), or []"
@@ -138,18 +147,6 @@ def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOp
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
     return replace(options, outputs=outputs)
-
-
-def _refuse_sensors(outputs: Any) -> None:
-    for out in [outputs] if isinstance(outputs, str) else outputs if isinstance(outputs, list | tuple) else ():
-        if isinstance(out, Integral | exu.SensorIndex | str):
-            found = repr(out) if isinstance(out, str) else f"sensor {int(out)}"
-            name = out if isinstance(out, str) else "tip"
-            raise InputError(
-                f"outputs contains {found}; a sensor on NodeGenericODE2 shows reduced coordinates, no output of the "
-                f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
-                "component='z') instead"
-            )
 
 
 def _without_names(mbs: Any, flexes: Sequence, outputs: Any) -> Any:

@@ -19,7 +19,6 @@ from ..access.solvers import SAME_TIME, solver_facts
 if TYPE_CHECKING:
     from ...linear.residual.samples import Extension
     from ...linear.run.prepare import Offline
-    from ...report.data import Plan
     from ..access.reduced_body import LinearSubject
     from ..floating.moving_subject import MovingSubject
     from .mechanism_run import BodyRun, MechanismRun
@@ -79,11 +78,6 @@ class MonitoredBody:
     def _begin_alone(self, mbs: Any, offline: Offline) -> None:
         self._offline, self.width, self._listens = offline, offline.width, True
         self._solver = solver_facts(mbs, self._static, self.subject.floor)
-
-    def plan(self, mbs: Any, why_not: str) -> tuple[Plan, bool]:
-        """Return what would be computed if a solve began now, and whether the mechanism would tell."""
-        offline = self.subject.read(mbs, False, why_not)
-        return (self.subject.told_plan(), True) if offline is None else (offline.plan, False)
 
     def run_told(self, run: BodyRun) -> None:
         """The mechanism will tell of the solve that begins."""

@@ -79,13 +79,15 @@ class Monitor:
         """
         return self._planned()[0]
 
+    @one_thread()
     def _planned(self) -> tuple[Plan, bool]:
         """The plan, and whether the linearised mechanism would tell."""
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
         self._hook.finish(self._mbs)  # what was stored so far belongs to what was read before
-        return self._hook.plan(self._mbs, self._watch)
+        offline = self.subject.read(self._mbs, False, self._hook.why_not_told(self._mbs, is_static=True))
+        return (self.subject.told_plan(), True) if offline is None else (offline.plan, False)
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output, for mbs.AddSensor before mbs.Assemble().
@@ -113,13 +115,10 @@ class Monitor:
         that they are not certified, or hold with inputs frozen: a line is printed then, once a run. The report has
         the last word.
         """
-        outputs = {out.name: out for out in self._watch.subject.outputs}
-        if not outputs:
-            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
-        check_choice("output", output, outputs)
-        self._watch.subject.is_live = True
+        _, out = _named([self], output)
+        self.subject.is_live = True
         given = {"name": f"bound of {output}", "storeInternal": True, **options}
-        return SensorUserFunction(sensorUserFunction=self._live_bound(outputs[output], given["name"]), **given)
+        return SensorUserFunction(sensorUserFunction=self._live_bound(out, given["name"]), **given)
 
     def _live_bound(self, out: Output, sensor: str) -> Callable:
         """The user function of a sensor of a bound.
@@ -210,11 +209,7 @@ class MechanismMonitor:
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""
-        names = {out.name: body for body in self.bodies for out in body.subject.outputs}
-        if not names:
-            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
-        check_choice("output", output, names)
-        return names[output].bound_sensor(output, **options)
+        return _named(self.bodies, output)[0].bound_sensor(output, **options)
 
     @one_thread()
     def report(self, i: int = -1) -> MechanismReport:
@@ -244,3 +239,12 @@ class MechanismMonitor:
     def _names(self) -> list[str]:
         names = sensor_names(self._mbs)
         return [names[number] for number in self._numbers()]
+
+
+def _named(bodies: Sequence[Monitor], output: str) -> tuple[Monitor, Output]:
+    """The body that has an output of that name, and the output; InputError if there is none."""
+    known = {out.name: (body, out) for body in bodies for out in body.subject.outputs}
+    if not known:
+        raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
+    check_choice("output", output, known)
+    return known[output]

@@ -31,7 +31,6 @@ from .mechanism_run import BodyRun, MechanismRun
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from ...report.data import Plan
     from .body_monitor import MonitoredBody
 
 START_OF_STEP = exu.ConfigurationType.StartOfStep
@@ -158,15 +157,15 @@ class StepHook:
         self._static_solver = static or self._static_solver
         solver = just_begun(mbs) if static is None else static
         self._verbose = solver is not None and solver.output.verboseMode > 1
-        why = self._why_not_told(mbs, static is not None)
+        why = self.why_not_told(mbs, static is not None)
         for watch in self.watches:
             watch.begin(mbs, static is not None, why)
         if any(watch.is_told for watch in self.watches):
             self._begin_mechanism(mbs, solver, static is not None)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
-    def _why_not_told(self, mbs: Any, is_static: bool) -> str:
-        """Why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
+    def why_not_told(self, mbs: Any, is_static: bool) -> str:
+        """Return why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
         attached = {watch.item for watch in self.watches}
         reduced = ((i, item) for i, item in enumerate(Items(mbs).objects) if item["objectType"] == FFRF)
         if missing := [f"object {i} ({item['name']})" for i, item in reduced if i not in attached]:
@@ -272,11 +271,6 @@ class StepHook:
     @property
     def _is_over(self) -> bool:
         return any(watch.stopped for watch in self.watches)
-
-    @one_thread()
-    def plan(self, mbs: Any, watch: MonitoredBody) -> tuple[Plan, bool]:
-        """Return what would be computed of a watch if a solve began now, and whether the mechanism would tell."""
-        return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
 
     @property
     def end(self) -> float:
