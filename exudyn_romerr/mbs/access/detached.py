@@ -121,11 +121,14 @@ class Detached:
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:
-        """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses."""
+        """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses.
+
+        systems : None: one that is gone.
+        """
         of_random, of_numpy = random.getstate(), np.random.get_state(legacy=False)
         of_classes = [(one, name, x) for one in self._classes for name, x in _numbers(one)]
         masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._interfaces]
-        own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if self._functions and not self.lost]
+        own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if mbs and self._functions and not self.lost]
         try:
             for mbs, *_ in own:
                 mbs.variables, mbs.sys = self.spaces

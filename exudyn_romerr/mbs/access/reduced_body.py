@@ -199,7 +199,7 @@ class KeptSignal(InputSignal):
     def kept(self) -> Iterator[None]:
         """Let a copy be called."""
         detached = Detached(self._mbs(), [self._given])
-        with detached.in_use(*filter(None, [self._mbs()])):
+        with detached.in_use(self._mbs()):
             self._f = detached.of(self._given)
             try:
                 yield

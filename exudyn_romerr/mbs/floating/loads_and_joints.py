@@ -195,7 +195,7 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
         return _values(vector.at(None), times)[again]
     detached = Detached(vector.mbs(), [vector.function])
     try:
-        with detached.in_use(*filter(None, [vector.mbs()])):
+        with detached.in_use(vector.mbs()):
             return _values(vector.by(detached), times)[again]
     finally:  # what it keeps may make it fail, too
         if detached.has_changed():

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...basis.enrichment import Enrichment
 from ...errors import AssumptionError, InputError, RomErrError
+from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.admissible_space import (
     HELD,
     MassOrthogonal,
@@ -18,6 +20,7 @@ from ...model.admissible_space import (
     rigid_modes,
     rigid_parts,
 )
+from ...model.floating_frame import unit_inertia
 from ...model.shared_body import keep_with, shared_body
 from ..access.mbs_items import Items
 from .built_in import as_built_in
@@ -78,6 +81,23 @@ class SeenBody:
         none = np.zeros((self.held.N, 0))
         wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
         return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
+
+    def enrichment(self, count: int, still: bool = True) -> Enrichment:
+        """Return what the modes miss most: `count` vectors at most, those that deform rigid interfaces not counted.
+
+        still : whether they leave interfaces where they are.
+
+        Raises
+        ------
+        AssumptionError
+            Still ones, beside modes without static ones.
+        """
+        Z, (wrenches, loads) = self.held.space, self.forces()
+        V, inertia = Z.coordinates("V", self.model.held), Z.loads(unit_inertia(self.flex.mass, self.flex.positions))
+        rigid = None if self.stiff is None else with_rigid_interfaces(self.held, self.stiff)
+        if not still:
+            loads, wrenches = np.hstack([loads, wrenches]), wrenches[:, :0]
+        return Enrichment(self.held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
 
 
 def seen_body(
