@@ -15,9 +15,8 @@ IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs
 
 
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
-    """Return q, q_t, q_tt and multipliers."""
-    rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
-    return system.GetODE2Coordinates(), *rates, system.GetAECoordinates()
+    """Return q, q_t, q_tt and multipliers: copies."""
+    return tuple(x.copy() for x in state_in_place(system))
 
 
 def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:

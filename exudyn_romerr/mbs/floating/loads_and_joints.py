@@ -37,6 +37,8 @@ NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditio
 class Place:
     """Where a marker acts: columns (N, 3 or 6) of unit forces and torques, the mean motion it takes, its axes (3, 3).
 
+    The transpose of the columns of torques takes the mean rotation.
+
     turns : how Exudyn lets the marker turn, other than by the exponential map of its mean rotation; None: so.
     """
 
@@ -45,11 +47,6 @@ class Place:
     mean: MeanMotion | None = None
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     turns: str | None = None
-
-    @property
-    def turn_rows(self) -> np.ndarray:
-        """Rows (3, N) of the mean rotation."""
-        return self.columns[:, 3:].T
 
     def without_torques(self) -> Place:
         """Return the place for what acts by forces only."""

@@ -48,7 +48,7 @@ class InputTerms:
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
         self.first_load = 3 * self.weighs if self.at_rest else RIGID_INERTIA + 9 * V.shape[1]
         turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
-        self._turns = [load.place.turn_rows @ V + turned if load.follows else None for load in actions.loads]
+        self._turns = [load.place.columns[:, 3:].T @ V + turned if load.follows else None for load in actions.loads]
 
     @property
     def columns(self) -> sp.csc_matrix:

@@ -119,8 +119,9 @@ class Sensors:
         if not np.isfinite(values).all():
             self.left_out.append((name, NOT_FINITE))
             return
-        is_turned = len(values) == 3 and kind in TURNED
-        self._note(name, kind, number, len(values), self._body_of(item) if is_turned else -1)
+        count, (of, unit) = len(values), _words(kind)
+        axes = self._body_of(item) if count == 3 and kind in TURNED else -1
+        self._show(axes, count, name, of, number, None, unit, tuple(AXES) if count == 3 else (), np.arange(count), of)
 
     def _body_of(self, item: dict[str, Any]) -> int:
         """Number of the body that a sensor is on, or on whose frame's node; -1: on none."""
@@ -131,11 +132,9 @@ class Sensors:
                 return b
         return -1
 
-    def _note(self, name: str, kind: str, number: int | None, count: int, axes: int) -> None:
-        """Note a sensor whose gradients are read, and in which axes."""
-        rows, (of, unit) = slice(self.count, self.count + count), _words(kind)
-        labels = tuple(AXES) if count == 3 else ()
-        self.shown.append(ShownSensor(name, rows, of, number, None, unit, labels, np.arange(count), of))
+    def _show(self, axes: int, count: int, name: str, *about: Any) -> None:
+        """Take up a sensor with `count` rows; axes : number of the body in whose axes gradients are, -1: global."""
+        self.shown.append(ShownSensor(name, slice(self.count, self.count + count), *about))
         self._axes += [axes] * count
         self.count += count
 
@@ -157,11 +156,9 @@ class Sensors:
             kind = KINDS[out.of]
             self.nodes.append(NodeSensor(self.count, b, kind, shapes, view.places[0]))
             axes, shows = b, np.array(view.axes)
-        rows = slice(self.count, self.count + len(C))
-        kept = out.of, number, b if number is None else None, out.unit, out.labels, shows, out.quantity or out.of
-        self.shown.append(ShownSensor(out.name, rows, *kept))
-        self._axes += [axes] * len(C)
-        self.count += len(C)
+        body = b if number is None else None
+        about = out.of, number, body, out.unit, out.labels, shows, out.quantity or out.of
+        self._show(axes, len(C), out.name, *about)
 
     def outputs(self, rows: Rows) -> Outputs:
         """Return the gradients along a run."""
@@ -234,18 +231,17 @@ class _Differences:
         self._copy.begin_step(t)
         return t, *(self._copy.wide(x) for x in (q, v, a)), lam
 
-    def _jacobians(self, i: int) -> np.ndarray:
-        """J, J', J'' (3, size, n) of all unknowns, oscillators too."""
-        _, q, v, a, _ = self._state(i)
+    def _jacobians(self, *state: np.ndarray) -> np.ndarray:
+        """J, J', J'' (3, size, n) of all unknowns, oscillators too, in a state q, v, a."""
         u, J = self._unknowns, np.zeros((3, self._copy.size, self._unknowns.n))
-        J[..., : u.n_a] = self._copy.jacobians(q[None], v[None], a[None])[:, 0]
+        J[..., : u.n_a] = self._copy.jacobians(*(x[None] for x in state))[:, 0]
         J[0, self._copy.extra, np.concatenate(u.of_vectors())] = 1.0
         return J
 
     def gradients(self, i: int) -> list[np.ndarray]:
         """Return of row i the gradients by coordinates, rates, accelerations, multipliers."""
         t, *state = self._state(i)
-        J, steps, lam = self._jacobians(i), self._unknowns.steps(STEP), state[3]
+        J, steps, lam = self._jacobians(*state[:3]), self._unknowns.steps(STEP), state[3]
         found, here = [], self._of.shown_by(t, *state)
         for order, is_used in enumerate(self.uses):
             if order == 3:

@@ -216,7 +216,7 @@ def told_solve(
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
         of_modes = content.content(by_cause) if content else None
-        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one) for one in sensors.shown}
+        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one.own) for one in sensors.shown}
         told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
@@ -229,9 +229,8 @@ def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) 
     ]
 
 
-def _shown_of(of: Content, sensor: ShownSensor) -> Content:
-    """What a sensor shows of it."""
-    own = sensor.own
+def _shown_of(of: Content, own: np.ndarray) -> Content:
+    """What a sensor with its own rows shows of it."""
     return Content(of.known[:, own], {c: x[..., own] for c, x in of.parts.items()}, of.step[:, own], of.rest[:, own])
 
 

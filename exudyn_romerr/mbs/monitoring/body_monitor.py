@@ -79,11 +79,6 @@ class MonitoredBody:
         self._offline, self.width, self._listens = offline, offline.width, True
         self._solver = solver_facts(mbs, self._static, self.subject.floor)
 
-    def run_told(self, run: BodyRun) -> None:
-        """The mechanism will tell of the solve that begins."""
-        self.told = run
-        self.runs.append(run)
-
     def fall_back(self, mbs: Any, run: MechanismRun) -> None:
         """The mechanism cannot tell: evaluate its rows alone, under frozen inputs, unless the other was asked for."""
         self.runs.remove(self.told)

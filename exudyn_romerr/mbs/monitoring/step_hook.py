@@ -190,7 +190,8 @@ class StepHook:
         self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
         for i, watch in enumerate(floating):
             if watch.is_told:
-                watch.run_told(BodyRun(self.run, i, watch.subject, watch.tolerance))
+                watch.told = BodyRun(self.run, i, watch.subject, watch.tolerance)
+                watch.runs.append(watch.told)
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
