@@ -10,6 +10,7 @@ import numpy as np
 
 from ...basis.enrichment import Enrichment
 from ...errors import AssumptionError, InputError, RomErrError
+from ...linalg.orthogonalise import m_orthonormal
 from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.admissible_space import (
     HELD,
@@ -53,7 +54,6 @@ WITHOUT_RIGID = (
 # |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
 SMALL = 0.03
-DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +208,9 @@ def _cure(flex: FloatingBody, V: np.ndarray) -> str:
 
 def rigid_motions_in(V: np.ndarray, flex: FloatingBody) -> int:
     """How many rigid motions are combinations of the modes."""
-    motions, moved = (_orthonormal(x, flex.mass) for x in (rigid_modes(flex.positions), V))
+    motions, moved = (m_orthonormal(flex.mass, x) for x in (rigid_modes(flex.positions), V))
     inside = np.linalg.svd(motions.T @ (flex.mass @ moved), compute_uv=False)
     return int(np.count_nonzero(1.0 - inside**2 < CONTAINED**2))
-
-
-def _orthonormal(X: np.ndarray, mass: Any) -> np.ndarray:
-    """Columns that span what X does, M-orthonormal."""
-    for _ in range(2):  # once more, for what rounding left
-        X = X / np.sqrt(np.einsum("ij,ij->j", X, mass @ X))
-        values, vectors = np.linalg.eigh(X.T @ (mass @ X))
-        kept = values > DEPENDENT * values[-1]
-        X = X @ (vectors[:, kept] / np.sqrt(values[kept]))
-    return X
 
 
 def _nearly(reference: Reference, flex: FloatingBody, V: np.ndarray) -> Reference:
