@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
     from .floating_body import FloatingBody, ReducedMatrices
 
-REMEMBERS = (
-    "the function of a load, called for t = {:g} to {:g} s away from the run, keeps something from call to call: its "
-    "values are not those of the run; make it a function of time alone"
-)
 WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
 FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
 MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
@@ -196,7 +192,10 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
             return _values(vector.by(detached), times)[again]
     finally:  # what it keeps may make it fail, too
         if detached.has_changed():
-            raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
+            raise AssumptionError(
+                f"the function of a load, called for t = {times[0]:g} to {times[-1]:g} s away from the run, keeps "
+                "something from call to call: its values are not those of the run; make it a function of time alone"
+            )
 
 
 def _values(at: Callable[[float], Any], times: np.ndarray) -> np.ndarray:

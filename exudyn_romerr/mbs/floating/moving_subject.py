@@ -42,20 +42,13 @@ if TYPE_CHECKING:
 GROUND = ("Ground", "PointGround")
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
-NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
-REACTING = "; these react to the body's deformation: "  # goes on with what they are
 OF_A_FILE = "of a file"
 # scopes that leave the feedback of a mechanism out, and why
 WITHOUT_FEEDBACK = {
     OF_A_FILE: "a file is evaluated for one body alone, attach before the solve has those of all",
     FROZEN: f"scope={FROZEN!r} was asked for",
 }
-ONLY_VECTORS = "estimators={!r} are known with frozen inputs only: 'auto' asks for the mechanism's"
 FEWEST = 6  # vectors: of fewer no part tells what is left out
-TOO_FEW = f"auxiliary_modes={{}} is too few to check what they leave out: {FEWEST} or more"
-GIVEN_START = (
-    "initial= and jumps= are covered with frozen inputs only; after SolveStatic a solve starts in its equilibrium"
-)
 
 
 @dataclass(frozen=True)
@@ -81,10 +74,14 @@ def why_not_told(scope: str, options: BoundOptions) -> str:
         return WITHOUT_FEEDBACK[scope]
     asked, count = options.estimators, options.auxiliary_modes
     if asked not in (AUTO, "auxiliary") and set(asked) != {"auxiliary"}:
-        return ONLY_VECTORS.format(asked)
+        return f"estimators={asked!r} are known with frozen inputs only: 'auto' asks for the mechanism's"
     if options.initial is not None or len(options.jumps):
-        return GIVEN_START
-    return TOO_FEW.format(count) if count != AUTO and count < FEWEST else ""
+        return (
+            "initial= and jumps= are covered with frozen inputs only; after SolveStatic a solve starts in its "
+            "equilibrium"
+        )
+    is_known = count == AUTO or count >= FEWEST
+    return "" if is_known else f"auxiliary_modes={count} is too few to check what they leave out: {FEWEST} or more"
 
 
 def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> Level:
@@ -94,13 +91,13 @@ def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> 
         reacting.insert(0, "the frame")
     if not reacting:
         return Level(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
-    frozen = (
-        f"{', '.join(reacting)}; the bound holds for the full body under the "
-        "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
-        "make of them, is not covered and may make the error of the whole mechanism many times larger"
+    note = f"no coupled bound: {why_not}"
+    reason = (
+        f"{note}; these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body "
+        "under the motion of the frame, the loads and the wrenches of this simulation; their feedback, and what "
+        "other steps make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
-    note = f"{NO_COUPLED}{why_not}"
-    return Level(FROZEN, f"{note}{REACTING}{frozen}", note="" if scope == FROZEN else note)
+    return Level(FROZEN, reason, note="" if scope == FROZEN else note)
 
 
 def read_support(items: Items, model: ReducedMatrices, reference_markers: set[int]) -> Support:

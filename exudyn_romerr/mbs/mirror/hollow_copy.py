@@ -34,8 +34,6 @@ DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others im
 ROUNDED = 1e2 * np.finfo(float).eps  # of the sizes of coordinates that constraints know: rounding of differences
 # of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
 NO_CONSTRAINT = 1e-8
-READS_FORCES = "the PreStep function reads accelerations or forces"
-MOVES_JOINTS = "the PreStep function moves joints by what it sees of the motion"
 
 
 class HollowCopy:
@@ -258,12 +256,12 @@ class HollowCopy:
 
         here, by_rates = effect(), self.scales * rate / self.scales.max()
         if np.any(effect(da=rate * (J @ weights), more=1.0) != here):
-            raise AssumptionError(READS_FORCES)
+            raise AssumptionError("the PreStep function reads accelerations or forces")
         along = (J * self.scales, J1 * self.scales), (0.0 * J, J * by_rates)
         for order, (moves, h) in enumerate(zip(along, (self.scales, by_rates), strict=True)):
             moved = effect(*(x @ weights for x in moves))
             if np.any(moved[u.n_a :] != here[u.n_a :]):
-                raise AssumptionError(MOVES_JOINTS)
+                raise AssumptionError("the PreStep function moves joints by what it sees of the motion")
             for j in self.sampled if np.any(moved != here) else ():
                 two = (effect(*(sign * x[:, j] for x in moves))[: u.n_a] for sign in (1, -1))
                 S[order][:, j] = np.subtract(*two) / (2 * h[j])

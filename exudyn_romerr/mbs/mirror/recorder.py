@@ -14,7 +14,6 @@ from ...linear.residual.samples import GrowingArray
 from ...mechanism.rows import Rows
 from ..access.equations import state_in_place
 
-LOST = "rows of the run could not be kept: {}"
 MOST = 500_000_000  # bytes of rows in memory: more go to a temporary file
 
 
@@ -50,7 +49,7 @@ class Recorder:
             Rows could not be kept: no memory, no room for a file, or the mbs has other coordinates than at first.
         """
         if self._lost is not None:
-            raise RunError(LOST.format(self._lost))
+            raise RunError(f"rows of the run could not be kept: {self._lost}")
         if self._size is None:
             return []
         rows = as_rows(self._rows.all(), self._size)

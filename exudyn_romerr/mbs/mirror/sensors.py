@@ -28,17 +28,11 @@ KINDS = {  # closed form of what a mesh node shows in global axes, by quantity
     "position": "Position",
     "velocity": "Velocity",
 }
-TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 # vectors whose gradients are looked at in axes of the body they are on, where they hardly change
+TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 TOGETHER = 1024  # rows whose states are made at once
 FIRST = 3  # rows: the first, the last, one between
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
-STILL = "it does not depend on the motion"
-IS_SET = "it shows what the PreStep function sets by what it sees"
-NOT_FINITE = "it is not finite"
-SEVERAL = "in global axes one place is told, a node or the mean of several with weights of sum 1"
-OF_ELEMENTS = "Exudyn makes it of elements of the mesh; romerr.node_stress and node_strain are told, by attach"
-NO_FUNCTION = "its object has a user function, which is not called away from the run"
 
 
 @dataclass(frozen=True)
@@ -117,7 +111,7 @@ class Sensors:
                 return
         values = np.atleast_1d(self._mbs.GetSensorValues(number)).ravel()
         if not np.isfinite(values).all():
-            self.left_out.append((name, NOT_FINITE))
+            self.left_out.append((name, "it is not finite"))
             return
         count, (of, unit) = len(values), _words(kind)
         axes = self._body_of(item) if count == 3 and kind in TURNED else -1
@@ -150,7 +144,8 @@ class Sensors:
             if out.is_requested:
                 self.in_frames.append(MeshRows(self.count, b, C, is_rate))
         elif len(C) != 3 or not np.isclose(view.shift[0], 1.0):
-            self.left_out.append((out.name, SEVERAL))
+            why = "in global axes one place is told, a node or the mean of several with weights of sum 1"
+            self.left_out.append((out.name, why))
             return
         else:
             kind = KINDS[out.of]
@@ -177,7 +172,8 @@ class Sensors:
             self._copy.begin_step(t, moved)
             shown.append(self.shown_by(t, *map(self._copy.wide, (q, v, a)), lam))
         changed = shown[0] != shown[1]
-        self.left_out += [(one.name, IS_SET) for one in self.shown if changed[one.rows].any()]
+        why = "it shows what the PreStep function sets by what it sees"
+        self.left_out += [(one.name, why) for one in self.shown if changed[one.rows].any()]
         self.shown = [one for one in self.shown if not changed[one.rows].any()]
 
     def values(self, rows: Rows) -> np.ndarray:
@@ -325,7 +321,7 @@ def _why_not(mbs: Any, item: dict[str, Any], kind: str) -> str:
     if item["sensorType"] == "Object":
         on = mbs.GetObject(int(item["objectNumber"]))
         if any(key.endswith("UserFunction") and value for key, value in on.items()):
-            return NO_FUNCTION
+            return "its object has a user function, which is not called away from the run"
     if item["sensorType"] == "SuperElement" and kind.startswith(("Stress", "Strain")):
-        return OF_ELEMENTS
+        return "Exudyn makes it of elements of the mesh; romerr.node_stress and node_strain are told, by attach"
     return ""

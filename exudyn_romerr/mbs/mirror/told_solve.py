@@ -57,14 +57,10 @@ PRE_STEP_REMEMBERS = (
     "the PreStep function keeps something from call to call (an integrator, a filter, a sampling of its own, noise): "
     "called again in the same states it acts otherwise"
 )
-SAMPLED = "a PreStep function, which acts by the begin of each step"
 TRIED, CONSECUTIVE = 64, 8  # rows in which it is called twice, and how many of them are the first of the run
 HOLDS = "a user function keeps what cannot be copied, so it is not called away from the run: {}"
 BOUNDS = "bounds of what sensors show in frames of bodies"
-GOES_ON = "a static solve, or a run that goes on from another that moves"
 NOT_RESOLVED = "modes and vectors leave so much of the equations that bounds are many times as large as the error"
-BY_RATIOS = "damping by ratios of modes"
-HOLDS_RATES = "joints held by their rates (useIndex2Constraints): they drift, and otherwise with all modes"
 ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
 OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
 
@@ -244,12 +240,14 @@ def _remembers(copy: HollowCopy, rows: Rows) -> bool:
 def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool) -> str:
     """Why a run as a whole has no bounds; empty: nothing speaks against them."""
     if is_sampled:
-        return SAMPLED
+        return "a PreStep function, which acts by the begin of each step"
     if asked.is_static or goes_on:
-        return GOES_ON
+        return "a static solve, or a run that goes on from another that moves"
     if any(flex.modal_damping is not None for flex in asked.flexes):
-        return BY_RATIOS
-    return HOLDS_RATES if asked.holds_rates else ""
+        return "damping by ratios of modes"
+    if asked.holds_rates:
+        return "joints held by their rates (useIndex2Constraints): they drift, and otherwise with all modes"
+    return ""
 
 
 def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], why_not: str) -> tuple[Bounds | None, str]:

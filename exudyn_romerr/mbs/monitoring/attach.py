@@ -35,10 +35,6 @@ from .step_hook import shared_hook
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-WITHOUT = "romerr.node_displacement({!r}, node=..., component='z')"
-OF_NODES = "romerr.mean_displacement({!r}, nodes=...)"
-OF_SET = "romerr.mean_displacement({!r}, nodes={}['NodeNumbers'], weights={}['NodeWeights'])"
-
 
 def make_subject(
     mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str, alone: bool
@@ -183,8 +179,12 @@ def _instead(flexes: Sequence, name: str) -> str:
     for flex in flexes:
         for i, node_set in enumerate(flex.fem.nodeSets if isinstance(flex, FloatingBody) else ()):
             if node_set.get("Name") == name:
-                return f"{name!r} is a node set of the fem: pass {OF_SET.format(name, *2 * [f'fem.nodeSets[{i}]'])}"
-    return f"without a sensor pass {WITHOUT.format(name)} or {OF_NODES.format(name)}"
+                of = f"nodes=fem.nodeSets[{i}]['NodeNumbers'], weights=fem.nodeSets[{i}]['NodeWeights']"
+                return f"{name!r} is a node set of the fem: pass romerr.mean_displacement({name!r}, {of})"
+    return (
+        f"without a sensor pass romerr.node_displacement({name!r}, node=..., component='z') or "
+        f"romerr.mean_displacement({name!r}, nodes=...)"
+    )
 
 
 def _number(mbs: Any, name: str) -> list[int]:

@@ -112,7 +112,6 @@ LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
 CACHED = 700_000  # numbers, which all that is computed at control points in a block has at most then
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
 FREED = 1_000_000  # numbers of an array that is made and let go, so that the C library keeps memory of blocks
-NO_SOLVER = "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
 
 
 class StepHook:
@@ -171,7 +170,7 @@ class StepHook:
         if missing := [f"object {i} ({item['name']})" for i, item in reduced if i not in attached]:
             return f"{UNATTACHED}, so their errors are not known: {', '.join(missing)}; attach them all"
         if not is_static and just_begun(mbs) is None:
-            return NO_SOLVER
+            return "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
         try:
             require_covered(mbs)
         except AssumptionError as error:
