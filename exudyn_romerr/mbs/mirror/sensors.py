@@ -237,39 +237,29 @@ class _Differences:
     def gradients(self, i: int) -> list[np.ndarray]:
         """Return of row i the gradients by coordinates, rates, accelerations, multipliers."""
         t, *state = self._state(i)
-        J, steps, lam = self._jacobians(*state[:3]), self._unknowns.steps(STEP), state[3]
+        (J, J1, J2), lam, steps = self._jacobians(*state[:3]), state[3], self._unknowns.steps(STEP)
+        moves = (  # of q, v, a, lam by each unknown, its rate, its acceleration, each multiplier; None: nothing
+            (J, J1, J2, None),
+            (None, J, 2 * J1, None),
+            (None, None, J, None),
+            (None, None, None, np.eye(len(lam))),
+        )
+        sizes = steps, FASTER * steps, FASTER * steps, STEP * (1 + np.abs(lam))
         found, here = [], self._of.shown_by(t, *state)
-        for order, is_used in enumerate(self.uses):
-            if order == 3:
-                h = STEP * (1 + np.abs(lam))
-                moves = [[None, None, None, h[j] * np.eye(len(lam))[j]] for j in range(len(lam))]
-            else:
-                h = steps * (FASTER if order else 1.0)
-                moves = [self._moves(J, order, h, j) for j in range(len(h))]
+        for known, is_used, move, h in zip(self._known, self.uses, moves, sizes, strict=True):
             G = np.zeros((self._of.count, len(h)))
-            numbers = range(len(moves)) if self._looks < FIRST else sorted(self._known[order])
+            numbers = range(len(h)) if self._looks < FIRST else sorted(known)
             for j in numbers if is_used else ():
-                ahead, behind = (self._shown(t, state, moves[j], sign) for sign in (1, -1))
+                ahead, behind = (self._shown(t, state, move, j, by) for by in (h[j], -h[j]))
                 G[:, j] = (ahead - behind) / (2 * h[j])
                 if np.any(ahead != here) or np.any(behind != here):
-                    self._known[order].add(j)
+                    known.add(j)
             found.append(self._turned(G, i))
         self._looks += 1
         return found
 
-    @staticmethod
-    def _moves(J: np.ndarray, order: int, h: np.ndarray, j: int) -> list[np.ndarray | None]:
-        """What a motion of unknown j, or of its rate or acceleration, does to q, v, a."""
-        found: list[np.ndarray | None] = [None] * 4
-        for up, factor in enumerate((1, (1, 2, 0)[order], 1)):
-            if order + up < 3 and factor:
-                found[order + up] = factor * h[j] * J[up][:, j]
-        return found
-
-    def _shown(
-        self, t: float, state: Sequence[np.ndarray], move: Sequence[np.ndarray | None], sign: int
-    ) -> np.ndarray:
-        return self._of.shown_by(t, *(x if dx is None else x + sign * dx for x, dx in zip(state, move, strict=True)))
+    def _shown(self, t: float, state: Sequence[np.ndarray], move: Sequence, j: int, by: float) -> np.ndarray:
+        return self._of.shown_by(t, *(x if J is None else x + by * J[:, j] for x, J in zip(state, move, strict=True)))
 
     def _turned(self, y: np.ndarray, i: int) -> np.ndarray:
         """Rows of vectors (R, n) in axes of their bodies."""
