@@ -63,6 +63,7 @@ class Support:
 class Level:
     """What bounds cover: scope and its reason. note : why it is no wider, if the user may do something about it."""
 
+    support: Support
     scope: str
     reason: str
     note: str = ""
@@ -90,14 +91,14 @@ def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> 
     if not support.at_rest:
         reacting.insert(0, "the frame")
     if not reacting:
-        return Level(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
+        return Level(support, COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     note = f"no coupled bound: {why_not}"
     reason = (
         f"{note}; these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body "
         "under the motion of the frame, the loads and the wrenches of this simulation; their feedback, and what "
         "other steps make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
-    return Level(FROZEN, reason, note="" if scope == FROZEN else note)
+    return Level(support, FROZEN, reason, note="" if scope == FROZEN else note)
 
 
 def read_support(items: Items, model: ReducedMatrices, reference_markers: set[int]) -> Support:
@@ -197,12 +198,13 @@ class MovingSubject:
         self._made: dict[tuple, Sampler] = {}  # for this solve and one before: a static one, most often
         self.body: ElasticBody | None = None
 
-    def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
-        """Read body, joints and loads, and how they hold its frame."""
+    def _seen(self, mbs: Any, static: bool, why_not: str) -> tuple[SeenBody, Level]:
+        """Read body, joints and loads, how they hold its frame, and what bounds of the body alone cover then."""
         seen, items = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
         self.body, self._model = seen.held, seen.model
         self.columns = consecutive(np.concatenate([node_coordinates(mbs, node) for node in seen.model.nodes]))
-        return seen, read_support(items, seen.model, seen.idle)
+        support = read_support(items, seen.model, seen.idle)
+        return seen, find_level(self.scope, seen.actions, support, why_not)
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
         """Return what bounds of the body alone need; None: the linearised mechanism tells of it.
@@ -215,20 +217,18 @@ class MovingSubject:
             The mechanism was asked for and cannot.
         """
         refusal = why_not_told(self.scope, self._options) or why_not
-        seen, support = self._seen(mbs, static)
-        level = find_level(self.scope, seen.actions, support, refusal)
+        seen, level = self._seen(mbs, static, refusal)
         if level.scope == COMPLETE or (refusal and self.scope != COUPLED):
-            return self._offline(mbs, seen, support, level)
+            return self._offline(mbs, seen, level)
         if refusal:
             raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
-        self._lines = self._found(seen, support)
+        self._lines = self._found(seen, level.support)
         self._take_sensors(mbs, level)
         return None
 
     def read_alone(self, mbs: Any, static: bool, why_not: str) -> Offline:
         """Return what bounds of the body alone need although the mechanism is to tell of it; why_not : not these."""
-        seen, support = self._seen(mbs, static)
-        return self._offline(mbs, seen, support, find_level(self.scope, seen.actions, support, why_not))
+        return self._offline(mbs, *self._seen(mbs, static, why_not))
 
     @property
     def vectors(self) -> int:
@@ -251,7 +251,7 @@ class MovingSubject:
             return ()
         return (*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)]))
 
-    def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
+    def _offline(self, mbs: Any, seen: SeenBody, level: Level) -> Offline:
         """Do the offline work of the body alone, unless that was done for this solve or the one before."""
         model, actions, body = seen.model, seen.actions, seen.held
         if model.rigid is not None:
@@ -259,11 +259,11 @@ class MovingSubject:
         if body.modal is not None:
             require_modal_damping(body, model.held, model.D)
         self._take_sensors(mbs, level)
-        signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
+        signature = (model.V.tobytes(), id(body), level, self.sensors, *actions.signature())
         known = self._made.pop(signature, None)
         if known is None:
-            terms = InputTerms(seen, support.at_rest)
-            offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
+            terms = InputTerms(seen, level.support.at_rest)
+            offline = self._prepare(seen, terms, self._scene(seen, terms, level))
             known = Sampler(model.frame, actions, terms, offline, wrenches_from_balance(offline, terms, actions))
         self._made = dict([*self._made.items()][-1:])
         # functions of time may be other ones
@@ -338,8 +338,8 @@ class MovingSubject:
         terms, actions = self._sampler.terms, self._sampler.actions
         return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q, q)
 
-    def _scene(self, seen: SeenBody, terms: InputTerms, support: Support, level: Level) -> Scene:
-        flex, model, actions = self.flex, seen.model, seen.actions
+    def _scene(self, seen: SeenBody, terms: InputTerms, level: Level) -> Scene:
+        flex, model, actions, support = self.flex, seen.model, seen.actions, level.support
         full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {seen.reference.source}"
         pose = FramePose(*model.frame.reference_pose())
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
