@@ -8,7 +8,7 @@ import exudyn as exu
 import numpy as np
 import pytest
 
-from exudyn_romerr.mbs.access.equations import IN_PLACE, current_state, set_state, state_kept
+from exudyn_romerr.mbs.access.equations import IN_PLACE, current_state, state_set
 from exudyn_romerr.mbs.monitoring import step_hook
 from tests.helpers.mbs_scenes import scene, settings
 
@@ -181,9 +181,9 @@ def test_memory_of_states_stays_in_a_solve():
         places.add(tuple(x.ctypes.data for x in states))
         system.SetODE2Coordinates(system.GetODE2Coordinates())
         system.SetSystemState(system.GetSystemState())
-        with state_kept(system) as kept:
-            moved = [x + 1.0 for x in kept]
-            set_state(system, t, moved)
+        kept = current_state(system)
+        moved = [x + 1.0 for x in kept]
+        with state_set(system, t, moved):
             np.testing.assert_array_equal(np.hstack(current_state(system)), np.hstack(moved))
         np.testing.assert_array_equal(np.hstack(current_state(system)), np.hstack(kept))
         return True

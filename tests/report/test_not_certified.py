@@ -12,8 +12,8 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.linear.run.balance import Balance, SolverFacts
 from exudyn_romerr.linear.run.record import doubts_in
-from exudyn_romerr.mbs.monitoring.body_monitor import ToleranceCheck
-from exudyn_romerr.mbs.monitoring.live_output import live_line
+from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody, ToleranceCheck
+from exudyn_romerr.mbs.monitoring.step_hook import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice, TriedRun
@@ -291,9 +291,8 @@ def test_a_tolerance_that_stops_a_run_says_so():
 def test_lines_in_the_solver_s_output_say_so():
     def line(run):
         out = SimpleNamespace(name="tip", unit="m")
-        watch = SimpleNamespace(
-            run=run, succession=SimpleNamespace(last=(1.0,)), subject=SimpleNamespace(outputs=[out])
-        )
+        watch = MonitoredBody(SimpleNamespace(outputs=[out], item=0), {})
+        watch.run, watch.succession.last = run, (1.0,)
         return live_line([watch], 1.0)
 
     assert line(Bounded(DOUBTS["goes on"])) == "error bounds at t = 1: tip 2 m, inputs frozen, not certified\n"

@@ -121,11 +121,14 @@ class Detached:
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:
-        """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses."""
+        """Let main systems have copies of the variables; put back random numbers, numbers of classes, masses.
+
+        systems : None: one that is gone.
+        """
         of_random, of_numpy = random.getstate(), np.random.get_state(legacy=False)
         of_classes = [(one, name, x) for one in self._classes for name, x in _numbers(one)]
         masses = [(x.massMatrixFFRFreduced, x.massMatrixFFRFreduced.copy()) for x in self._interfaces]
-        own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if self._functions and not self.lost]
+        own = [(mbs, mbs.variables, mbs.sys) for mbs in systems if mbs and self._functions and not self.lost]
         try:
             for mbs, *_ in own:
                 mbs.variables, mbs.sys = self.spaces
@@ -297,7 +300,6 @@ def _is_users(file: str) -> bool:
     return not (file and str(Path(file).resolve()).startswith((*INSTALLED, OURS)))
 
 
-LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
 LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
 
@@ -314,7 +316,7 @@ def controller(mbs: Any, number: int, load: dict[str, Any]) -> str:
 
 def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
     """None if a load is a function of time alone; else what its function keeps, if that cannot be copied."""
-    if not (functions := load_functions(load)):
+    if not (functions := functions_of(load)):
         return None
     t = mbs.systemData.GetTime()
     given, detached = load.get("loadVector", load.get("load")), Detached(mbs, functions)
@@ -346,20 +348,13 @@ def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
         return values()
 
 
-def load_functions(load: dict[str, Any]) -> list[Callable]:
-    """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
-    found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
-    return [f for f in found if callable(f)]
-
-
 def user_functions(mbs: Any) -> tuple[list[Callable], list[Callable]]:
     """Return the user functions of loads, and of objects."""
     items = Items(mbs)
-    of_loads = [f for load in items.loads for f in load_functions(load)]
-    return of_loads, [f for item in items.objects for f in functions_of(item)]
+    return tuple([f for item in of for f in functions_of(item)] for of in (items.loads, items.objects))
 
 
 def functions_of(item: dict[str, Any]) -> list[Callable]:
-    """Return the user functions of an object."""
+    """Return the user functions of a load or an object; symbolic ones keep nothing."""
     values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
     return [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]

@@ -15,9 +15,8 @@ IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs
 
 
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
-    """Return q, q_t, q_tt and multipliers."""
-    rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
-    return system.GetODE2Coordinates(), *rates, system.GetAECoordinates()
+    """Return q, q_t, q_tt and multipliers: copies."""
+    return tuple(x.copy() for x in state_in_place(system))
 
 
 def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
@@ -37,21 +36,14 @@ def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
 
 
 @contextmanager
-def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
-    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
-    t, state = system.GetTime(), current_state(system)
-    try:
-        yield state
-    finally:
-        set_state(system, t, state)
-
-
-@contextmanager
 def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
-    """Set the current state for a while."""
-    with state_kept(system):
+    """Set the current state for a while: time, q, q_t, q_tt and multipliers."""
+    before = system.GetTime(), current_state(system)
+    try:
         set_state(system, t, state)
         yield
+    finally:
+        set_state(system, *before)
 
 
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)

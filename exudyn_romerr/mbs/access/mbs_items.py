@@ -32,11 +32,6 @@ def sensor_names(mbs: Any) -> list[str]:
     return [name if names.count(name) == 1 else f"{name} (sensor {i})" for i, name in enumerate(names)]
 
 
-def sensor_name(mbs: Any, number: int) -> str:
-    """Return the name of one."""
-    return sensor_names(mbs)[number]
-
-
 def numbers(item: dict, key: str) -> set[int]:
     """Return the item numbers under a key, which may hold one or a list."""
     value = item.get(key, [])
@@ -59,7 +54,6 @@ def dense(matrix: Any, n: int) -> np.ndarray:
     return found if found.size else np.zeros((n, n))
 
 
-def node_coordinates(mbs: Any, node: int) -> range:
+def node_coordinates(mbs: Any, node: int) -> np.ndarray:
     """Return the numbers of a node's coordinates in the mbs."""
-    first = mbs.GetNodeODE2Index(node)
-    return range(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
+    return np.array(mbs.systemData.GetNodeLTGODE2(node), int)

@@ -13,13 +13,14 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from ...basis.basis import Basis
 from ...checks import check_array, check_type
 from ...errors import AssumptionError, InputError
+from ...linalg.blocked_products import consecutive
 from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.residual import initial_coordinates
 from ...linear.run.prepare import prepare
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs
 from .detached import Detached
-from .mbs_items import Items, nodes_of, numbers
+from .mbs_items import Items, node_coordinates, nodes_of, numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -198,7 +199,7 @@ class KeptSignal(InputSignal):
     def kept(self) -> Iterator[None]:
         """Let a copy be called."""
         detached = Detached(self._mbs(), [self._given])
-        with detached.in_use(*filter(None, [self._mbs()])):
+        with detached.in_use(self._mbs()):
             self._f = detached.of(self._given)
             try:
                 yield
@@ -209,7 +210,7 @@ class KeptSignal(InputSignal):
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body.
+    body : the full body. is_live : whether bounds are needed while a solve goes on, where they are known.
     """
 
     def __init__(self, flex: ReducedBody, options: BoundOptions):
@@ -218,7 +219,7 @@ class LinearSubject:
         self._signal = None if flex.input_function is None else KeptSignal(flex)
         self._options = replace(options, inputs=flex.inputs, input_function=self._signal)
         self._offline = prepare(self.body, self._basis, self._options)
-        self.columns, self.floor = slice(0, 0), 0.0
+        self.columns, self.floor, self.is_live = slice(0, 0), 0.0, True
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -234,14 +235,10 @@ class LinearSubject:
         self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
         self._offline = prepare(self.body, self._basis, self._options)
 
-    def at_every_step(self) -> None:
-        """Let bounds be known while a solve goes on: they are."""
-
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something beside its inputs acts on it."""
         _require_inputs_only(Items(mbs), self._node, self.item)
-        first = mbs.GetNodeODE2Index(self._node)
-        self.columns = slice(first, first + len(self._model.M))
+        self.columns = consecutive(node_coordinates(mbs, self._node))
         return self._offline
 
     def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
@@ -260,7 +257,12 @@ def _require_inputs_only(items: Items, node: int, item: int) -> None:
 
     The bound knows the load B f(t) and nothing else.
     """
-    on_it = {i for i, marker in enumerate(items.markers) if node in nodes_of(marker) or item in _objects_of(marker)}
+    keys = ("bodyNumber", "objectNumber")
+    on_it = {
+        i
+        for i, marker in enumerate(items.markers)
+        if node in nodes_of(marker) or any(item in numbers(marker, key) for key in keys)
+    }
     culprits = [f"load {i}" for i, load in enumerate(items.loads) if int(load["markerNumber"]) in on_it]
     culprits += [
         f"object {i}"
@@ -272,7 +274,3 @@ def _require_inputs_only(items: Items, node: int, item: int) -> None:
             f"on the reduced body (object {item}) act beside its input_function: {', '.join(culprits)}; "
             "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
         )
-
-
-def _objects_of(marker: dict) -> set[int]:
-    return numbers(marker, "bodyNumber") | numbers(marker, "objectNumber")

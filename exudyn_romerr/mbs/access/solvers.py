@@ -70,15 +70,6 @@ def just_begun(mbs: Any, static: bool = False) -> Any:
     return None if solver is None or solver.it.currentStepIndex > 0 else solver
 
 
-def running_static_solver(mbs: Any, known: Any) -> Any:
-    """Return the static solver whose first call of the hook this is, or None; `known`: the last one returned.
-
-    A static solver kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.
-    """
-    solver = just_begun(mbs, static=True)
-    return None if solver is known else solver
-
-
 def threads(mbs: Any) -> int:
     """Return how many a run has: after a solver with fewer, Exudyn's one task manager would go on with these."""
     settings = mbs.sys.get("simulationSettings")

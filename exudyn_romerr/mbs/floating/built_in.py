@@ -18,7 +18,7 @@ from ...errors import AssumptionError
 from ..access.copied_mbs import bare, object_terms
 from ..access.detached import Detached, functions_of
 from ..access.equations import Equations, set_state
-from ..access.mbs_items import QUATERNIONS, Items, dense
+from ..access.mbs_items import QUATERNIONS, Items, dense, node_coordinates
 from ..access.solvers import raised, threads
 from .floating_body import object_of
 
@@ -33,10 +33,6 @@ SAME = 1e-9
 ROUNDED = 1e2 * np.finfo(float).eps  # of the largest in all states: nothing
 KINDS, COUNT = ((0, 0), (1, 0), (0, 1), (1, 1)), 3  # whether states are deformed, whether they move; states of a kind
 BENT, TURNED = 0.1, 0.3  # of the body's size, rad: how far they are from the reference
-DIFFERS = (
-    "user functions of body {} have other equations than ObjectFFRFreducedOrder, {} differ by {:.1e} of the largest: "
-    "romerr verify measures it"
-)
 NOT_CALLED = "user functions of body {} for its mass and forces cannot be called away from the run: {}"
 
 
@@ -82,7 +78,10 @@ def built_in(mbs: Any, flex: FloatingBody) -> tuple[dict[str, Any], np.ndarray]:
         off, size = (np.abs(z).reshape(len(KINDS), -1).max(axis=1) for z in (x - y, y))
         if not np.all(off <= SAME * size + ROUNDED * size.max()):
             largest = np.max(off / np.maximum(size, ROUNDED * size.max()))
-            raise AssumptionError(DIFFERS.format(flex.number, name, largest))
+            raise AssumptionError(
+                f"user functions of body {flex.number} have other equations than ObjectFFRFreducedOrder, {name} "
+                f"differ by {largest:.1e} of the largest: romerr verify measures it"
+            )
     return own, np.where(
         np.abs(gravity) * own["mass"] * scales[0] > ROUNDED * np.abs(known.force).max(), gravity, 0.0
     )
@@ -153,8 +152,7 @@ class _Alone:
             add_weight(to, number, gravity)
         to.Assemble()
         self._equations = Equations(to, threads(mbs))
-        nodes = map(int, item["nodeNumbers"])
-        self._own = np.concatenate([np.array(to.systemData.GetNodeLTGODE2(node), int) for node in nodes])
+        self._own = np.concatenate([node_coordinates(to, int(node)) for node in item["nodeNumbers"]])
 
     def values(self, states: Sequence[tuple], scales: np.ndarray) -> _Values:
         """Return masses and forces of the body in states (t, q, v) of its coordinates."""

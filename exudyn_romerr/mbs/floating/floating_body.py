@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -13,7 +12,7 @@ import scipy.sparse as sp
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
-from ...model.floating_frame import require_isotropic_mass, translations
+from ...model.floating_frame import require_isotropic_mass
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from .frame_node import FrameNode, RigidPart
@@ -50,11 +49,6 @@ class FloatingBody:
     def number(self) -> int:
         """Exudyn's number of the object."""
         return int(self.items["oFFRFreducedOrder"])
-
-    @cached_property
-    def carried(self) -> np.ndarray:
-        """M e_j (N, 3) of unit translations."""
-        return translations(self.mass)
 
 
 def floating_body(
@@ -103,7 +97,10 @@ def floating_body(
     -----
     Source: docs/theory.md, floating frame. Does not cover: geometric stiffening.
     """
-    _check_version(exu.__version__)
+    if tuple(int(part) for part in exu.__version__.split(".")[:2]) < OLDEST:
+        raise InputError(
+            f"Exudyn {exu.__version__} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
+        )
     if not hasattr(fem, "GetMassMatrix"):
         raise InputError(f"fem is a {type(fem).__name__}; needed: the FEMinterface that the modes were computed with")
     for name in ("massMatrix", "stiffnessMatrix"):
@@ -138,13 +135,6 @@ def floating_body(
         )
     require_isotropic_mass(flex.mass)
     return flex
-
-
-def _check_version(version: str) -> None:
-    if tuple(int(part) for part in version.split(".")[:2]) < OLDEST:
-        raise InputError(
-            f"Exudyn {version} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
-        )
 
 
 @dataclass(frozen=True)
@@ -198,7 +188,13 @@ def _checked(flex: FloatingBody, V: np.ndarray, positions: np.ndarray, *reduced:
     if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
         raise InputError("fem has other node positions than the body: items belong to another fem")
     for name, full, matrix in zip(("mass", "stiffness"), (flex.mass, flex.stiffness), reduced, strict=False):
-        _check_reduction(name, V.T @ (full @ V), matrix)
+        expected = V.T @ (full @ V)
+        off = np.max(np.abs(matrix - expected)) / np.max(np.abs(expected))
+        if off > SAME_MATRICES:
+            raise InputError(
+                f"{name}MatrixReduced of the body differs from V^T {name} V of the fem by {off:.1e} of its largest "
+                "entry: another fem, a fem changed since, or reduced matrices that were edited"
+            )
     return rayleigh_factors(*reduced) if flex.modal_damping is None else (0.0, 0.0)
 
 
@@ -220,15 +216,6 @@ def object_of(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
             "another fem"
         )
     return item
-
-
-def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None:
-    off = np.max(np.abs(found - expected)) / np.max(np.abs(expected))
-    if off > SAME_MATRICES:
-        raise InputError(
-            f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
-            "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
-        )
 
 
 def rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:

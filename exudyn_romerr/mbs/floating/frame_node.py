@@ -11,16 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
+from ...mechanism.rotations import body_rates
 from ...model.floating_frame import FrameMotion, skew
 from ..access.mbs_items import QUATERNIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-# G of unit parameters, -2 v and 2 (s I - v~) side by side; entries of a product with them are single ones, doubled
-RATES = np.concatenate(
-    [np.eye(4)[:, 1:, None] * -2, 2 * np.eye(4)[:, :1, None] * np.eye(3) - 2 * skew(np.eye(4)[:, 1:])], axis=2
-).reshape(4, 12)
 
 
 class FrameNode:
@@ -115,9 +111,8 @@ def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~ of p = s, v, also off unit norm; w = G p', al = G p'', G linear in p."""
     s, v = p[..., :1, None], p[..., 1:]
     diagonal = (1 - 2 * np.einsum("...i,...i->...", v, v))[..., None, None] * np.eye(3)
-    G = (p @ RATES).reshape(*p.shape[:-1], 3, 4)
-    A = diagonal + 2 * v[..., :, None] * v[..., None, :] + 2 * s * skew(v)
-    return A, np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
+    A, G = diagonal + 2 * v[..., :, None] * v[..., None, :] + 2 * s * skew(v), body_rates(p)
+    return A, _times(G, p_t), _times(G, p_tt)
 
 
 def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
     from .floating_body import FloatingBody, ReducedMatrices
 
-REMEMBERS = (
-    "the function of a load, called for t = {:g} to {:g} s away from the run, keeps something from call to call: its "
-    "values are not those of the run; make it a function of time alone"
-)
 WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
 FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
 MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
@@ -37,6 +33,8 @@ NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditio
 class Place:
     """Where a marker acts: columns (N, 3 or 6) of unit forces and torques, the mean motion it takes, its axes (3, 3).
 
+    The transpose of the columns of torques takes the mean rotation.
+
     turns : how Exudyn lets the marker turn, other than by the exponential map of its mean rotation; None: so.
     """
 
@@ -45,11 +43,6 @@ class Place:
     mean: MeanMotion | None = None
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     turns: str | None = None
-
-    @property
-    def turn_rows(self) -> np.ndarray:
-        """Rows (3, N) of the mean rotation."""
-        return self.columns[:, 3:].T
 
     def without_torques(self) -> Place:
         """Return the place for what acts by forces only."""
@@ -159,9 +152,10 @@ class Actions:
         parts = [one.by(detached) for one in self.gravity]
         return lambda t: sum((np.asarray(part(t), float) for part in parts), np.zeros(3))
 
-    def sizes_of_gravity(self) -> np.ndarray:
-        """Return the sum (3,) of the sizes of all accelerations of gravity at the start."""
-        return sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
+    def weight(self, carried: np.ndarray) -> float:
+        """Largest entry of V^T M e_j (n, 3) times the size of gravity at the start: terms that may cancel."""
+        sizes = sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
+        return float(np.max(np.abs(carried) @ sizes, initial=0.0))
 
     @property
     def free(self) -> list[str]:
@@ -190,23 +184,22 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     if vector.at is None:
         return np.tile(vector.given, (len(t), 1))
     times, again = np.unique(t, return_inverse=True)
-    return _called(vector, times)[again]
-
-
-def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
-    """The same at ascending times (T,), (T, 3)."""
     if vector.function is None:
-        return _values(vector.at(None), times)
+        return _values(vector.at(None), times)[again]
     detached = Detached(vector.mbs(), [vector.function])
     try:
-        with detached.in_use(*filter(None, [vector.mbs()])):
-            return _values(vector.by(detached), times)
+        with detached.in_use(vector.mbs()):
+            return _values(vector.by(detached), times)[again]
     finally:  # what it keeps may make it fail, too
         if detached.has_changed():
-            raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
+            raise AssumptionError(
+                f"the function of a load, called for t = {times[0]:g} to {times[-1]:g} s away from the run, keeps "
+                "something from call to call: its values are not those of the run; make it a function of time alone"
+            )
 
 
 def _values(at: Callable[[float], Any], times: np.ndarray) -> np.ndarray:
+    """A function of time at ascending times (T,), (T, 3)."""
     values = values_at_once(at, times, 3) if len(times) > FEW else None
     if values is None:  # backwards: the run may be at the last time, where memory of the time would be what it was
         values = np.array([at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]

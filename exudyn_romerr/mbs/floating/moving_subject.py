@@ -17,7 +17,7 @@ from ...linalg.blocked_products import consecutive
 from ...linear.residual.input_signal import InputSignal
 from ...linear.residual.problem import Deferred
 from ...linear.run.prepare import BoundOptions, prepare
-from ...model.floating_frame import FramePose, Jitter
+from ...model.floating_frame import FramePose, Jitter, translations
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ..access.mbs_items import Items, is_active, node_coordinates, nodes_of, numbers
@@ -26,7 +26,7 @@ from .built_in import as_built_in
 from .floating_body import read_object
 from .modal_damping import damping_text, require_modal_damping
 from .reference_search import seen_body
-from .sampler import InputTerms, Sampler
+from .sampler import InputTerms, Sampler, wrenches_from_balance
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
 if TYPE_CHECKING:
@@ -42,20 +42,13 @@ if TYPE_CHECKING:
 GROUND = ("Ground", "PointGround")
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
-NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
-REACTING = "; these react to the body's deformation: "  # goes on with what they are
 OF_A_FILE = "of a file"
 # scopes that leave the feedback of a mechanism out, and why
 WITHOUT_FEEDBACK = {
     OF_A_FILE: "a file is evaluated for one body alone, attach before the solve has those of all",
     FROZEN: f"scope={FROZEN!r} was asked for",
 }
-ONLY_VECTORS = "estimators={!r} are known with frozen inputs only: 'auto' asks for the mechanism's"
 FEWEST = 6  # vectors: of fewer no part tells what is left out
-TOO_FEW = f"auxiliary_modes={{}} is too few to check what they leave out: {FEWEST} or more"
-GIVEN_START = (
-    "initial= and jumps= are covered with frozen inputs only; after SolveStatic a solve starts in its equilibrium"
-)
 
 
 @dataclass(frozen=True)
@@ -70,6 +63,7 @@ class Support:
 class Level:
     """What bounds cover: scope and its reason. note : why it is no wider, if the user may do something about it."""
 
+    support: Support
     scope: str
     reason: str
     note: str = ""
@@ -81,10 +75,14 @@ def why_not_told(scope: str, options: BoundOptions) -> str:
         return WITHOUT_FEEDBACK[scope]
     asked, count = options.estimators, options.auxiliary_modes
     if asked not in (AUTO, "auxiliary") and set(asked) != {"auxiliary"}:
-        return ONLY_VECTORS.format(asked)
+        return f"estimators={asked!r} are known with frozen inputs only: 'auto' asks for the mechanism's"
     if options.initial is not None or len(options.jumps):
-        return GIVEN_START
-    return TOO_FEW.format(count) if count != AUTO and count < FEWEST else ""
+        return (
+            "initial= and jumps= are covered with frozen inputs only; after SolveStatic a solve starts in its "
+            "equilibrium"
+        )
+    is_known = count == AUTO or count >= FEWEST
+    return "" if is_known else f"auxiliary_modes={count} is too few to check what they leave out: {FEWEST} or more"
 
 
 def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> Level:
@@ -93,14 +91,14 @@ def find_level(scope: str, actions: Actions, support: Support, why_not: str) -> 
     if not support.at_rest:
         reacting.insert(0, "the frame")
     if not reacting:
-        return Level(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
-    frozen = (
-        f"{', '.join(reacting)}; the bound holds for the full body under the "
-        "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
-        "make of them, is not covered and may make the error of the whole mechanism many times larger"
+        return Level(support, COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
+    note = f"no coupled bound: {why_not}"
+    reason = (
+        f"{note}; these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body "
+        "under the motion of the frame, the loads and the wrenches of this simulation; their feedback, and what "
+        "other steps make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
-    note = f"{NO_COUPLED}{why_not}"
-    return Level(FROZEN, f"{note}{REACTING}{frozen}", note="" if scope == FROZEN else note)
+    return Level(support, FROZEN, reason, note="" if scope == FROZEN else note)
 
 
 def read_support(items: Items, model: ReducedMatrices, reference_markers: set[int]) -> Support:
@@ -188,22 +186,25 @@ class MovingSubject:
     What reacts to the body's deformation is frozen, as this simulation has it.
 
     scope : asked for. alone : whether nobody else estimates the other sensors of the mbs. flex : the body. body : the
-    full one, as the last solve saw it. sensors : on the body, if they are outputs. floor : see SolverFacts.
+    full one, as the last solve saw it. sensors : on the body, if they are outputs. floor : see SolverFacts. is_live :
+    whether bounds are needed while a solve goes on, in mechanisms of scope "inputs frozen".
     """
 
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
         self.item, self.flex, self.scope, self._alone = flex.number, flex, scope, alone
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
-        self._options, self._at_every_step = replace(options, outputs=options.outputs or ()), False
+        self._options, self.is_live = replace(options, outputs=options.outputs or ()), options.tolerance is not None
         self.columns = np.zeros(0, dtype=int)
         self._made: dict[tuple, Sampler] = {}  # for this solve and one before: a static one, most often
         self.body: ElasticBody | None = None
 
-    def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
-        """Read body, joints and loads, and how they hold its frame."""
+    def _seen(self, mbs: Any, static: bool, why_not: str) -> tuple[SeenBody, Level]:
+        """Read body, joints and loads, how they hold its frame, and what bounds of the body alone cover then."""
         seen, items = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
-        self.body = seen.held
-        return seen, read_support(items, seen.model, seen.idle)
+        self.body, self._model = seen.held, seen.model
+        self.columns = consecutive(np.concatenate([node_coordinates(mbs, node) for node in seen.model.nodes]))
+        support = read_support(items, seen.model, seen.idle)
+        return seen, find_level(self.scope, seen.actions, support, why_not)
 
     def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
         """Return what bounds of the body alone need; None: the linearised mechanism tells of it.
@@ -216,30 +217,18 @@ class MovingSubject:
             The mechanism was asked for and cannot.
         """
         refusal = why_not_told(self.scope, self._options) or why_not
-        seen, support = self._seen(mbs, static)
-        level = find_level(self.scope, seen.actions, support, refusal)
+        seen, level = self._seen(mbs, static, refusal)
         if level.scope == COMPLETE or (refusal and self.scope != COUPLED):
-            return self._offline(mbs, seen, support, level)
+            return self._offline(mbs, seen, level)
         if refusal:
             raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
-        self._lines = self._found(seen, support)
+        self._lines = self._found(seen, level.support)
         self._take_sensors(mbs, level)
-        self.columns, self._model = _columns(mbs, seen.model), seen.model
         return None
 
     def read_alone(self, mbs: Any, static: bool, why_not: str) -> Offline:
         """Return what bounds of the body alone need although the mechanism is to tell of it; why_not : not these."""
-        seen, support = self._seen(mbs, static)
-        return self._offline(mbs, seen, support, find_level(self.scope, seen.actions, support, why_not))
-
-    def at_every_step(self) -> None:
-        """Let bounds be known while a solve goes on, of scope "inputs frozen" in mechanisms."""
-        self._at_every_step = True
-
-    @property
-    def is_live(self) -> bool:
-        """Whether bounds are needed while a solve goes on; those of a mechanism are told when it has ended."""
-        return self._at_every_step or self._options.tolerance is not None
+        return self._offline(mbs, *self._seen(mbs, static, why_not))
 
     @property
     def vectors(self) -> int:
@@ -262,7 +251,7 @@ class MovingSubject:
             return ()
         return (*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)]))
 
-    def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
+    def _offline(self, mbs: Any, seen: SeenBody, level: Level) -> Offline:
         """Do the offline work of the body alone, unless that was done for this solve or the one before."""
         model, actions, body = seen.model, seen.actions, seen.held
         if model.rigid is not None:
@@ -270,17 +259,17 @@ class MovingSubject:
         if body.modal is not None:
             require_modal_damping(body, model.held, model.D)
         self._take_sensors(mbs, level)
-        signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
+        signature = (model.V.tobytes(), id(body), level, self.sensors, *actions.signature())
         known = self._made.pop(signature, None)
         if known is None:
-            terms = InputTerms(seen, support.at_rest)
-            known = Sampler.of(seen, terms, self._prepare(seen, terms, self._scene(seen, terms, support, level)))
+            terms = InputTerms(seen, level.support.at_rest)
+            offline = self._prepare(seen, terms, self._scene(seen, terms, level))
+            known = Sampler(model.frame, actions, terms, offline, wrenches_from_balance(offline, terms, actions))
         self._made = dict([*self._made.items()][-1:])
         # functions of time may be other ones
         self._made[signature] = self._sampler = replace(known, actions=actions)
-        self.columns, self._model = _columns(mbs, model), model
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
-        self.floor = self._sampler.weight(model.V.T @ self.flex.carried)
+        self.floor = actions.weight(model.V.T @ translations(self.flex.mass))
         return self._sampler.offline
 
     @property
@@ -349,8 +338,8 @@ class MovingSubject:
         terms, actions = self._sampler.terms, self._sampler.actions
         return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q, q)
 
-    def _scene(self, seen: SeenBody, terms: InputTerms, support: Support, level: Level) -> Scene:
-        flex, model, actions = self.flex, seen.model, seen.actions
+    def _scene(self, seen: SeenBody, terms: InputTerms, level: Level) -> Scene:
+        flex, model, actions, support = self.flex, seen.model, seen.actions, level.support
         full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {seen.reference.source}"
         pose = FramePose(*model.frame.reference_pose())
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
@@ -371,8 +360,3 @@ class MovingSubject:
             computed=self._found(seen, support),
             left_out=tuple(left_out),
         )
-
-
-def _columns(mbs: Any, model: ReducedMatrices) -> slice | np.ndarray:
-    """Where a body's coordinates are among those of the mbs."""
-    return consecutive(np.concatenate([node_coordinates(mbs, node) for node in model.nodes]))

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...basis.enrichment import Enrichment
 from ...errors import AssumptionError, InputError, RomErrError
+from ...linalg.orthogonalise import m_orthonormal
+from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.admissible_space import (
     HELD,
     MassOrthogonal,
@@ -18,6 +21,7 @@ from ...model.admissible_space import (
     rigid_modes,
     rigid_parts,
 )
+from ...model.floating_frame import unit_inertia
 from ...model.shared_body import keep_with, shared_body
 from ..access.mbs_items import Items
 from .built_in import as_built_in
@@ -50,7 +54,6 @@ WITHOUT_RIGID = (
 # |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
 SMALL = 0.03
-DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,23 @@ class SeenBody:
         none = np.zeros((self.held.N, 0))
         wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
         return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
+
+    def enrichment(self, count: int, still: bool = True) -> Enrichment:
+        """Return what the modes miss most: `count` vectors at most, those that deform rigid interfaces not counted.
+
+        still : whether they leave interfaces where they are.
+
+        Raises
+        ------
+        AssumptionError
+            Still ones, beside modes without static ones.
+        """
+        Z, (wrenches, loads) = self.held.space, self.forces()
+        V, inertia = Z.coordinates("V", self.model.held), Z.loads(unit_inertia(self.flex.mass, self.flex.positions))
+        rigid = None if self.stiff is None else with_rigid_interfaces(self.held, self.stiff)
+        if not still:
+            loads, wrenches = np.hstack([loads, wrenches]), wrenches[:, :0]
+        return Enrichment(self.held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
 
 
 def seen_body(
@@ -188,19 +208,9 @@ def _cure(flex: FloatingBody, V: np.ndarray) -> str:
 
 def rigid_motions_in(V: np.ndarray, flex: FloatingBody) -> int:
     """How many rigid motions are combinations of the modes."""
-    motions, moved = (_orthonormal(x, flex.mass) for x in (rigid_modes(flex.positions), V))
+    motions, moved = (m_orthonormal(flex.mass, x) for x in (rigid_modes(flex.positions), V))
     inside = np.linalg.svd(motions.T @ (flex.mass @ moved), compute_uv=False)
     return int(np.count_nonzero(1.0 - inside**2 < CONTAINED**2))
-
-
-def _orthonormal(X: np.ndarray, mass: Any) -> np.ndarray:
-    """Columns that span what X does, M-orthonormal."""
-    for _ in range(2):  # once more, for what rounding left
-        X = X / np.sqrt(np.einsum("ij,ij->j", X, mass @ X))
-        values, vectors = np.linalg.eigh(X.T @ (mass @ X))
-        kept = values > DEPENDENT * values[-1]
-        X = X @ (vectors[:, kept] / np.sqrt(values[kept]))
-    return X
 
 
 def _nearly(reference: Reference, flex: FloatingBody, V: np.ndarray) -> Reference:

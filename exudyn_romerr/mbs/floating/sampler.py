@@ -48,7 +48,7 @@ class InputTerms:
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
         self.first_load = 3 * self.weighs if self.at_rest else RIGID_INERTIA + 9 * V.shape[1]
         turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
-        self._turns = [load.place.turn_rows @ V + turned if load.follows else None for load in actions.loads]
+        self._turns = [load.place.columns[:, 3:].T @ V + turned if load.follows else None for load in actions.loads]
 
     @property
     def columns(self) -> sp.csc_matrix:
@@ -86,19 +86,16 @@ class InputTerms:
 
 @dataclass(frozen=True)
 class Sampler:
-    """What a body's inputs are made of: its frame, what acts on it, and its balance V^T R = 0."""
+    """What a body's inputs are made of: its frame, what acts on it, and its balance V^T R = 0.
+
+    wrench_rows : see wrenches_from_balance.
+    """
 
     frame: FrameNode
     actions: Actions
     terms: InputTerms
     offline: Offline
     wrench_rows: np.ndarray
-
-    @classmethod
-    def of(cls, seen: SeenBody, terms: InputTerms, offline: Offline) -> Sampler:
-        """Make the wrenches follow from the balance; AssumptionError if they do not."""
-        rows = _wrenches_from_balance(offline, terms, seen.actions)
-        return cls(seen.model.frame, seen.actions, terms, offline, rows)
 
     def __call__(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p), None if it is a function of time, and the frame (S, 24)."""
@@ -132,10 +129,6 @@ class Sampler:
             return None
         return q, q_t, q_tt - np.linalg.solve(G[:, layout.mass_slot], left), u, frame
 
-    def weight(self, carried: np.ndarray) -> float:
-        """Largest entry of V^T M e_j (n, 3) times the size of gravity at the start: terms that may cancel."""
-        return float(np.max(np.abs(carried) @ self.actions.sizes_of_gravity(), initial=0.0))
-
     def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves, u (S, p)."""
         u = self.terms.values(self.actions, t, motion, q, q_t, q_tt)
@@ -145,8 +138,14 @@ class Sampler:
         return u
 
 
-def _wrenches_from_balance(offline: Offline, terms: InputTerms, actions: Actions) -> np.ndarray:
-    """Return rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
+def wrenches_from_balance(offline: Offline, terms: InputTerms, actions: Actions) -> np.ndarray:
+    """Return rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V.
+
+    Raises
+    ------
+    AssumptionError
+        They do not follow from it.
+    """
     layout, G = offline.coordinates, offline.balance_rows
     if not terms.unknown:
         return np.zeros((len(G), 0))

@@ -22,7 +22,7 @@ from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached, load_functions
 from ..access.equations import Equations, state_in_place
-from ..access.mbs_items import QUATERNIONS, Items
+from ..access.mbs_items import QUATERNIONS, Items, node_coordinates
 from ..access.solvers import threads
 from .pre_step import PreStep
 from .vectors import Enriched
@@ -34,8 +34,6 @@ DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others im
 ROUNDED = 1e2 * np.finfo(float).eps  # of the sizes of coordinates that constraints know: rounding of differences
 # of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
 NO_CONSTRAINT = 1e-8
-READS_FORCES = "the PreStep function reads accelerations or forces"
-MOVES_JOINTS = "the PreStep function moves joints by what it sees of the motion"
 
 
 class HollowCopy:
@@ -82,23 +80,21 @@ class HollowCopy:
         ]
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
-        self._state = state_in_place(
-            self.mbs.systemData
-        )  # to be asked for once: that takes twice as long as to set it
+        # to be asked for once: that takes twice as long as to set it
+        self._state = state_in_place(self.mbs.systemData)
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
     def _places(self, mbs: Any, enriched: Sequence[Enriched]) -> tuple[np.ndarray, np.ndarray]:
         """Where coordinates of the mbs, and vectors, are among those of the copy."""
-        of, wide = mbs.systemData, self.mbs.systemData
-        own, extra = np.zeros(self._unknowns.n_q, int), []
-        for number in range(of.NumberOfNodes()):
-            mine, there = of.GetNodeLTGODE2(number), wide.GetNodeLTGODE2(number)
-            own[mine] = there[: len(mine)]
+        own, extra = np.zeros(self._unknowns.n_q, int), [np.zeros(0, int)]
+        for number in range(mbs.systemData.NumberOfNodes()):
+            mine = node_coordinates(mbs, number)
+            own[mine] = node_coordinates(self.mbs, number)[: len(mine)]
         for one in enriched:
             node = int(mbs.GetObject(one.body.place.number)["nodeNumbers"][1])
-            extra += [*wide.GetNodeLTGODE2(node)[one.body.n :]]
-        return own, np.array(extra, int)
+            extra.append(node_coordinates(self.mbs, node)[one.body.n :])
+        return own, np.concatenate(extra)
 
     def wide(self, x: np.ndarray, vectors: np.ndarray | float = 0.0) -> np.ndarray:
         """Return coordinates (..., n_q) of the run, and of vectors, as the copy has them."""
@@ -106,12 +102,10 @@ class HollowCopy:
         found[..., self.own], found[..., self.extra] = x, vectors
         return found
 
-    def set(
-        self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
-    ) -> None:
-        """Set a state in coordinates of the copy."""
+    def set(self, t: float, *state: np.ndarray) -> None:
+        """Set q, v, a in coordinates of the copy, and multipliers where they are given."""
         self.mbs.systemData.SetTime(t)
-        for place, x in zip(self._state, (q, v, a) if multipliers is None else (q, v, a, multipliers), strict=False):
+        for place, x in zip(self._state, state, strict=False):
             place[:] = x
 
     def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -283,12 +277,12 @@ class HollowCopy:
 
         here, by_rates = effect(), self.scales * rate / self.scales.max()
         if np.any(effect(da=rate * (J @ weights), more=1.0) != here):
-            raise AssumptionError(READS_FORCES)
+            raise AssumptionError("the PreStep function reads accelerations or forces")
         along = (J * self.scales, J1 * self.scales), (0.0 * J, J * by_rates)
         for order, (moves, h) in enumerate(zip(along, (self.scales, by_rates), strict=True)):
             moved = effect(*(x @ weights for x in moves))
             if np.any(moved[u.n_a :] != here[u.n_a :]):
-                raise AssumptionError(MOVES_JOINTS)
+                raise AssumptionError("the PreStep function moves joints by what it sees of the motion")
             for j in self.sampled if np.any(moved != here) else ():
                 two = (effect(*(sign * x[:, j] for x in moves))[: u.n_a] for sign in (1, -1))
                 S[order][:, j] = np.subtract(*two) / (2 * h[j])
@@ -360,23 +354,17 @@ WITHOUT_TANGENT = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG", "Point2DSlope1"
 def require_covered(mbs: Any) -> None:
     """Raise AssumptionError where an mbs has coordinates that the linearised mechanism has not."""
     system = mbs.systemData
-    if len(system.GetDataCoordinates()) > len(_turns_counted(mbs)):
+    data = len(system.GetDataCoordinates())
+    # torsional springs count whole turns in theirs: a rotation within half a turn is the same without
+    springs = (item for item in Items(mbs).objects if item["objectType"] == TURNING) if data else ()
+    if data > len({int(item["nodeNumber"]) for item in springs} - {-1}):
         raise AssumptionError("data coordinates (contact, friction, plasticity) are not covered")
     if len(system.GetODE1Coordinates()):
         raise AssumptionError("coordinates of first order (ODE1) are not covered")
     for number in range(system.NumberOfNodes()):
         kind = mbs.GetNode(number)["nodeType"]
-        if kind in WITHOUT_TANGENT and len(system.GetNodeLTGODE2(number)):
+        if kind in WITHOUT_TANGENT and len(node_coordinates(mbs, number)):
             raise AssumptionError(f"node {number} of type {kind} is not covered")
-
-
-def _turns_counted(mbs: Any) -> set[int]:
-    """Nodes in which torsional springs count whole turns: a rotation within half a turn is the same without."""
-    if not len(mbs.systemData.GetDataCoordinates()):
-        return set()
-    springs = (item for item in Items(mbs).objects if item["objectType"] == TURNING)
-    nodes = {int(item["nodeNumber"]) for item in springs}
-    return nodes - {-1}
 
 
 def unknowns_of(mbs: Any, bodies: Sequence[Body]) -> Unknowns:
@@ -384,7 +372,7 @@ def unknowns_of(mbs: Any, bodies: Sequence[Body]) -> Unknowns:
     system, others = mbs.systemData, []
     taken = {int(i) for body in bodies for i in (*body.place.frame, *body.place.modal)}
     for number in range(system.NumberOfNodes()):
-        mine = np.array(system.GetNodeLTGODE2(number), int)
+        mine = node_coordinates(mbs, number)
         if len(mine) and taken.isdisjoint(mine.tolist()):
             taken |= set(mine.tolist())
             node = mbs.GetNode(number)

@@ -14,7 +14,6 @@ from ...linear.residual.samples import GrowingArray
 from ...mechanism.rows import Rows
 from ..access.equations import state_in_place
 
-LOST = "rows of the run could not be kept: {}"
 MOST = 500_000_000  # bytes of rows in memory: more go to a temporary file
 
 
@@ -26,13 +25,13 @@ class Recorder:
 
     def __init__(self, mbs: Any, user: Callable | None):
         self.user, self._system = user, mbs.systemData
-        self._rows, self._borders, self._lost = StoredRows(), None, None
+        self._rows, self._size, self._lost = StoredRows(), None, None
 
     def __call__(self, mbs: Any, t: float) -> Any:
         """Keep a row; return what the user's function returns."""
         row = (t,), *state_in_place(self._system)
-        if self._borders is None:
-            self._borders = np.cumsum([*map(len, row)])
+        if self._size is None:
+            self._size = len(row[1])
         try:
             self._rows.append(np.concatenate(row, dtype=float)[None])
         except (OSError, MemoryError, ValueError) as error:  # the run of the user goes on
@@ -50,20 +49,24 @@ class Recorder:
             Rows could not be kept: no memory, no room for a file, or the mbs has other coordinates than at first.
         """
         if self._lost is not None:
-            raise RunError(LOST.format(self._lost))
-        if self._borders is None:
+            raise RunError(f"rows of the run could not be kept: {self._lost}")
+        if self._size is None:
             return []
-        rows = self._rows.all()
-        t, q = rows[:, 0], rows[:, self._borders[0] : self._borders[1]]
-        begins, is_kept = [0], np.ones(len(rows), bool)
+        rows = as_rows(self._rows.all(), self._size)
+        t, q, begins, is_kept = rows.t, rows.q, [0], np.ones(len(rows), bool)
         for i in 1 + np.flatnonzero(np.diff(t) <= 0):
             if t[i] == t[i - 1] and np.array_equal(q[i], q[i - 1]):
                 is_kept[i - 1] = False
             else:
                 begins.append(int(i))
         parts = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(rows)], strict=True)]
-        runs = (rows[part] if is_kept[part].all() else rows[part][is_kept[part]] for part in parts)
-        return [Rows(run[:, 0], *np.split(run[:, 1:], self._borders[1:-1] - 1, axis=1)) for run in runs]
+        return [rows[part] if is_kept[part].all() else rows[part][is_kept[part]] for part in parts]
+
+
+def as_rows(stored: np.ndarray, size: int) -> Rows:
+    """Return what stands side by side in stored rows (S, .), of an mbs with `size` coordinates."""
+    t, *state = np.split(stored, 1 + size * np.arange(4), axis=1)
+    return Rows(t[:, 0], *state)
 
 
 class StoredRows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from re import sub
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from ...mechanism_bounds.bounds import MeshRows
 from ...model.outputs import AXES, Output
 from ...report.data import UNITS
 from ..access.detached import Detached
-from ..access.mbs_items import sensor_name
+from ..access.mbs_items import Items, sensor_names
 from ..floating.sensor_outputs import NO_STATE, measured_of
 from .hollow_copy import STEP, HollowCopy
 from .pre_step import PreStep
@@ -28,24 +28,19 @@ KINDS = {  # closed form of what a mesh node shows in global axes, by quantity
     "position": "Position",
     "velocity": "Velocity",
 }
-TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 # vectors whose gradients are looked at in axes of the body they are on, where they hardly change
+TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 TOGETHER = 1024  # rows whose states are made at once
 FIRST = 3  # rows: the first, the last, one between
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
-STILL = "it does not depend on the motion"
-IS_SET = "it shows what the PreStep function sets by what it sees"
-NOT_FINITE = "it is not finite"
-SEVERAL = "in global axes one place is told, a node or the mean of several with weights of sum 1"
-OF_ELEMENTS = "Exudyn makes it of elements of the mesh; romerr.node_stress and node_strain are told, by attach"
-NO_FUNCTION = "its object has a user function, which is not called away from the run"
 
 
 @dataclass(frozen=True)
 class ShownSensor:
     """A sensor, or an output of a body, that can be told: its name, rows, what it shows in words.
 
-    number : Exudyn's; None: an output, of body number `body`. shows : rows that are shown of it, of those it has.
+    number : Exudyn's; None: an output, of body number `body`. shows : rows that are shown of it, of those it has;
+    own : numbers of these among the rows of all.
     """
 
     name: str
@@ -57,6 +52,11 @@ class ShownSensor:
     labels: tuple[str, ...]
     shows: np.ndarray
     quantity: str
+
+    @property
+    def own(self) -> np.ndarray:
+        """See above."""
+        return self.rows.start + self.shows
 
 
 class Sensors:
@@ -91,8 +91,8 @@ class Sensors:
         self.in_frames: list[MeshRows] = []
         self._axes: list[int] = []
         self.count = 0
-        for number in range(mbs.systemData.NumberOfSensors()) if numbers is None else numbers:
-            self._add(number)
+        for one in _looked_at(mbs, numbers):
+            self._add(*one)
         for b, of_body in enumerate(outputs):
             for out in of_body:
                 self._add_output(b, out)
@@ -100,12 +100,10 @@ class Sensors:
         self._pre_step = pre_step
         self._copy = HollowCopy(mbs, enriched, unknowns, detached, True, pre_step) if self._asked else None
 
-    def _add(self, number: int) -> None:
-        item, name = self._mbs.GetSensor(number), sensor_name(self._mbs, number)
-        if why := _why_not(self._mbs, item):
+    def _add(self, number: int, name: str, item: dict[str, Any], kind: str, why: str) -> None:
+        if why:
             self.left_out.append((name, why))
             return
-        kind = _kind(item)
         for b, one in enumerate(self._enriched):
             found = measured_of(self._mbs, one.known.flex, number)
             if found is not None:
@@ -113,10 +111,11 @@ class Sensors:
                 return
         values = np.atleast_1d(self._mbs.GetSensorValues(number)).ravel()
         if not np.isfinite(values).all():
-            self.left_out.append((name, NOT_FINITE))
+            self.left_out.append((name, "it is not finite"))
             return
-        is_turned = len(values) == 3 and kind in TURNED
-        self._note(name, kind, number, len(values), self._body_of(item) if is_turned else -1)
+        count, (of, unit) = len(values), _words(kind)
+        axes = self._body_of(item) if count == 3 and kind in TURNED else -1
+        self._show(axes, count, name, of, number, None, unit, tuple(AXES) if count == 3 else (), np.arange(count), of)
 
     def _body_of(self, item: dict[str, Any]) -> int:
         """Number of the body that a sensor is on, or on whose frame's node; -1: on none."""
@@ -127,11 +126,9 @@ class Sensors:
                 return b
         return -1
 
-    def _note(self, name: str, kind: str, number: int | None, count: int, axes: int) -> None:
-        """Note a sensor whose gradients are read, and in which axes."""
-        rows, (of, unit) = slice(self.count, self.count + count), _words(kind)
-        labels = tuple(AXES) if count == 3 else ()
-        self.shown.append(ShownSensor(name, rows, of, number, None, unit, labels, np.arange(count), of))
+    def _show(self, axes: int, count: int, name: str, *about: Any) -> None:
+        """Take up a sensor with `count` rows; axes : number of the body in whose axes gradients are, -1: global."""
+        self.shown.append(ShownSensor(name, slice(self.count, self.count + count), *about))
         self._axes += [axes] * count
         self.count += count
 
@@ -147,17 +144,16 @@ class Sensors:
             if out.is_requested:
                 self.in_frames.append(MeshRows(self.count, b, C, is_rate))
         elif len(C) != 3 or not np.isclose(view.shift[0], 1.0):
-            self.left_out.append((out.name, SEVERAL))
+            why = "in global axes one place is told, a node or the mean of several with weights of sum 1"
+            self.left_out.append((out.name, why))
             return
         else:
             kind = KINDS[out.of]
             self.nodes.append(NodeSensor(self.count, b, kind, shapes, view.places[0]))
             axes, shows = b, np.array(view.axes)
-        rows = slice(self.count, self.count + len(C))
-        kept = out.of, number, b if number is None else None, out.unit, out.labels, shows, out.quantity or out.of
-        self.shown.append(ShownSensor(out.name, rows, *kept))
-        self._axes += [axes] * len(C)
-        self.count += len(C)
+        body = b if number is None else None
+        about = out.of, number, body, out.unit, out.labels, shows, out.quantity or out.of
+        self._show(axes, len(C), out.name, *about)
 
     def outputs(self, rows: Rows) -> Outputs:
         """Return the gradients along a run."""
@@ -174,10 +170,10 @@ class Sensors:
         shown = []
         for moved in (0.0, STEP):
             self._copy.begin_step(t, moved)
-            self._copy.set(t, *map(self._copy.wide, (q, v, a)), lam)
-            shown.append(self._read())
+            shown.append(self.shown_by(t, *map(self._copy.wide, (q, v, a)), lam))
         changed = shown[0] != shown[1]
-        self.left_out += [(one.name, IS_SET) for one in self.shown if changed[one.rows].any()]
+        why = "it shows what the PreStep function sets by what it sees"
+        self.left_out += [(one.name, why) for one in self.shown if changed[one.rows].any()]
         self.shown = [one for one in self.shown if not changed[one.rows].any()]
 
     def values(self, rows: Rows) -> np.ndarray:
@@ -196,12 +192,9 @@ class Sensors:
     def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return what sensors without closed form show in a state of the copy, (R,), zero of all others."""
         self._copy.set(t, q, v, a, lam)
-        return self._read()
-
-    def _read(self) -> np.ndarray:
-        found, of = np.zeros(self.count), self._copy.mbs
+        found = np.zeros(self.count)
         for one in self._asked:
-            found[one.rows] = np.ravel(of.GetSensorValues(one.number))
+            found[one.rows] = np.ravel(self._copy.mbs.GetSensorValues(one.number))
         return found
 
 
@@ -234,50 +227,39 @@ class _Differences:
         self._copy.begin_step(t)
         return t, *(self._copy.wide(x) for x in (q, v, a)), lam
 
-    def _jacobians(self, i: int) -> np.ndarray:
-        """J, J', J'' (3, size, n) of all unknowns, oscillators too."""
-        _, q, v, a, _ = self._state(i)
+    def _jacobians(self, *state: np.ndarray) -> np.ndarray:
+        """J, J', J'' (3, size, n) of all unknowns, oscillators too, in a state q, v, a."""
         u, J = self._unknowns, np.zeros((3, self._copy.size, self._unknowns.n))
-        J[..., : u.n_a] = self._copy.jacobians(q[None], v[None], a[None])[:, 0]
+        J[..., : u.n_a] = self._copy.jacobians(*(x[None] for x in state))[:, 0]
         J[0, self._copy.extra, np.concatenate(u.of_vectors())] = 1.0
         return J
 
     def gradients(self, i: int) -> list[np.ndarray]:
         """Return of row i the gradients by coordinates, rates, accelerations, multipliers."""
         t, *state = self._state(i)
-        J, steps, lam = self._jacobians(i), self._unknowns.steps(STEP), state[3]
+        (J, J1, J2), lam, steps = self._jacobians(*state[:3]), state[3], self._unknowns.steps(STEP)
+        moves = (  # of q, v, a, lam by each unknown, its rate, its acceleration, each multiplier; None: nothing
+            (J, J1, J2, None),
+            (None, J, 2 * J1, None),
+            (None, None, J, None),
+            (None, None, None, np.eye(len(lam))),
+        )
+        sizes = steps, FASTER * steps, FASTER * steps, STEP * (1 + np.abs(lam))
         found, here = [], self._of.shown_by(t, *state)
-        for order, is_used in enumerate(self.uses):
-            if order == 3:
-                h = STEP * (1 + np.abs(lam))
-                moves = [[None, None, None, h[j] * np.eye(len(lam))[j]] for j in range(len(lam))]
-            else:
-                h = steps * (FASTER if order else 1.0)
-                moves = [self._moves(J, order, h, j) for j in range(len(h))]
+        for known, is_used, move, h in zip(self._known, self.uses, moves, sizes, strict=True):
             G = np.zeros((self._of.count, len(h)))
-            numbers = range(len(moves)) if self._looks < FIRST else sorted(self._known[order])
+            numbers = range(len(h)) if self._looks < FIRST else sorted(known)
             for j in numbers if is_used else ():
-                ahead, behind = (self._shown(t, state, moves[j], sign) for sign in (1, -1))
+                ahead, behind = (self._shown(t, state, move, j, by) for by in (h[j], -h[j]))
                 G[:, j] = (ahead - behind) / (2 * h[j])
                 if np.any(ahead != here) or np.any(behind != here):
-                    self._known[order].add(j)
+                    known.add(j)
             found.append(self._turned(G, i))
         self._looks += 1
         return found
 
-    @staticmethod
-    def _moves(J: np.ndarray, order: int, h: np.ndarray, j: int) -> list[np.ndarray | None]:
-        """What a motion of unknown j, or of its rate or acceleration, does to q, v, a."""
-        found: list[np.ndarray | None] = [None] * 4
-        for up, factor in enumerate((1, (1, 2, 0)[order], 1)):
-            if order + up < 3 and factor:
-                found[order + up] = factor * h[j] * J[up][:, j]
-        return found
-
-    def _shown(
-        self, t: float, state: Sequence[np.ndarray], move: Sequence[np.ndarray | None], sign: int
-    ) -> np.ndarray:
-        return self._of.shown_by(t, *(x if dx is None else x + sign * dx for x, dx in zip(state, move, strict=True)))
+    def _shown(self, t: float, state: Sequence[np.ndarray], move: Sequence, j: int, by: float) -> np.ndarray:
+        return self._of.shown_by(t, *(x if J is None else x + by * J[:, j] for x, J in zip(state, move, strict=True)))
 
     def _turned(self, y: np.ndarray, i: int) -> np.ndarray:
         """Rows of vectors (R, n) in axes of their bodies."""
@@ -299,20 +281,21 @@ class Planned(NamedTuple):
 
 def planned_sensors(mbs: Any, numbers: Iterable[int]) -> tuple[list[Planned], list[tuple[str, str]]]:
     """Return the sensors that can be told, as far as is known before a solve, and (name, why) of the others."""
-    found, left_out = [], []
-    for number in numbers:
-        item, name = mbs.GetSensor(number), sensor_name(mbs, number)
-        if why := _why_not(mbs, item):
-            left_out.append((name, why))
-        else:
-            found.append(Planned(name, *_words(_kind(item))))
-    return found, left_out
+    seen = [*_looked_at(mbs, numbers)]
+    found = [Planned(name, *_words(kind)) for _, name, _, kind, why in seen if not why]
+    return found, [(name, why) for _, name, _, _, why in seen if why]
 
 
-def _kind(item: dict[str, Any]) -> str:
-    """What a sensor shows, as Exudyn calls it; empty: it has no such name."""
-    kind = item.get("outputVariableType")
-    return "" if kind is None else kind.name
+def _looked_at(mbs: Any, numbers: Iterable[int] | None) -> Iterator[tuple[int, str, dict[str, Any], str, str]]:
+    """Number, name, dictionary and kind of sensors, None: of all, and why they cannot be told; empty: they can.
+
+    kind : what one shows, as Exudyn calls it; empty: it has no such name.
+    """
+    sensors, names = Items(mbs).sensors, sensor_names(mbs)
+    for number in range(len(sensors)) if numbers is None else numbers:
+        item = sensors[number]
+        kind = getattr(item.get("outputVariableType"), "name", "")
+        yield number, names[number], item, kind, _why_not(mbs, item, kind)
 
 
 def _words(kind: str) -> tuple[str, str]:
@@ -321,15 +304,14 @@ def _words(kind: str) -> tuple[str, str]:
     return sub(r"(?<!^)([A-Z])", r" \1", shown).lower(), UNITS.get(shown, "")
 
 
-def _why_not(mbs: Any, item: dict[str, Any]) -> str:
+def _why_not(mbs: Any, item: dict[str, Any], kind: str) -> str:
     """Why a sensor cannot be told; empty: it can."""
-    kind = item["sensorType"]
-    if kind in NO_STATE:
-        return NO_STATE[kind]
-    if kind == "Object":
+    if item["sensorType"] in NO_STATE:
+        return NO_STATE[item["sensorType"]]
+    if item["sensorType"] == "Object":
         on = mbs.GetObject(int(item["objectNumber"]))
         if any(key.endswith("UserFunction") and value for key, value in on.items()):
-            return NO_FUNCTION
-    if kind == "SuperElement" and _kind(item).startswith(("Stress", "Strain")):
-        return OF_ELEMENTS
+            return "its object has a user function, which is not called away from the run"
+    if item["sensorType"] == "SuperElement" and kind.startswith(("Stress", "Strain")):
+        return "Exudyn makes it of elements of the mesh; romerr.node_stress and node_strain are told, by attach"
     return ""

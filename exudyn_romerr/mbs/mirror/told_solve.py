@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +29,7 @@ from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
 from ..access.detached import user_functions
 from ..access.equations import state_set
+from ..access.mbs_items import node_coordinates
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy, require_covered, unknowns_of
@@ -44,9 +44,8 @@ if TYPE_CHECKING:
     from ...model.outputs import Output
     from ..floating.floating_body import FloatingBody
 
-TURNS = (
-    20.0  # vectors slower than so many times the angular velocity of the frame are kept: 100 changed 0.5 % at most
-)
+# vectors slower than so many times the angular velocity of the frame are kept: 100 changed 0.5 % at most
+TURNS = 20.0
 SAME = 1e-4  # of the largest force: what may be left of the equations of motion at stored rows
 PART_OF = {"modes": "basis", "interfaces": "interfaces", "step": "time step"}
 UNKNOWN_ACTS = (
@@ -58,14 +57,10 @@ PRE_STEP_REMEMBERS = (
     "the PreStep function keeps something from call to call (an integrator, a filter, a sampling of its own, noise): "
     "called again in the same states it acts otherwise"
 )
-SAMPLED = "a PreStep function, which acts by the begin of each step"
 TRIED, CONSECUTIVE = 64, 8  # rows in which it is called twice, and how many of them are the first of the run
 HOLDS = "a user function keeps what cannot be copied, so it is not called away from the run: {}"
 BOUNDS = "bounds of what sensors show in frames of bodies"
-GOES_ON = "a static solve, or a run that goes on from another that moves"
 NOT_RESOLVED = "modes and vectors leave so much of the equations that bounds are many times as large as the error"
-BY_RATIOS = "damping by ratios of modes"
-HOLDS_RATES = "joints held by their rates (useIndex2Constraints): they drift, and otherwise with all modes"
 ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
 OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
 
@@ -165,13 +160,15 @@ def told_solve(
     flexes = asked.flexes
     mbs = as_built_in(mbs, flexes)
     shown = rows[-1:] if asked.is_static else rows
-    rows = _as_equations_have_it(shown, asked.is_static)
+    # with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0
+    rows = replace(shown, multipliers=-shown.multipliers) if asked.is_static else shown
     of_loads, of_objects = user_functions(mbs)
     detached, pre_step = detached_with(mbs, [*of_loads, *of_objects], rows, asked.begun or {})
     if detached.lost:
         raise AssumptionError(HOLDS.format(detached.lost))
+    t, *state = shown.row(-1)  # of the last accepted step: a step that failed may have left the mbs in another one
     # an error that grows beyond all numbers is told as not known; numpy says nothing of it in the user's run
-    with detached.in_use(mbs), _in_last_state(mbs, shown), np.errstate(all="ignore"):
+    with detached.in_use(mbs), state_set(mbs.systemData, t, state), np.errstate(all="ignore"):
         bodies = [
             enriched(mbs, flex, asked.vectors, TURNS * w, detached)
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
@@ -206,7 +203,8 @@ def told_solve(
         at_once = () if asked.is_static else max((_beside_steps(one, rows) for one in bodies), key=len)
         outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
         vectors = [one.shapes[:, one.body.n :] for one in bodies]
-        modes = WithoutModes(of, [*map(_shown, sensors.shown, outputs)], [*zip(vectors, squares, strict=True)])
+        shown_of = [Shown(x.name, x.unit, x.own, out.extents) for x, out in zip(sensors.shown, outputs, strict=True)]
+        modes = WithoutModes(of, shown_of, [*zip(vectors, squares, strict=True)])
         owners = [one.body for one in sensors.shown]
         of_mbs, *of_bodies = (
             [out for out, b in zip(outputs, owners, strict=True) if b == which]
@@ -214,7 +212,7 @@ def told_solve(
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
         of_modes = content.content(by_cause) if content else None
-        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one) for one in sensors.shown}
+        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one.own) for one in sensors.shown}
         told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
@@ -227,9 +225,8 @@ def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) 
     ]
 
 
-def _shown_of(of: Content, sensor: ShownSensor) -> Content:
-    """What a sensor shows of it."""
-    own = sensor.rows.start + sensor.shows
+def _shown_of(of: Content, own: np.ndarray) -> Content:
+    """What a sensor with its own rows shows of it."""
     return Content(of.known[:, own], {c: x[..., own] for c, x in of.parts.items()}, of.step[:, own], of.rest[:, own])
 
 
@@ -243,12 +240,14 @@ def _remembers(copy: HollowCopy, rows: Rows) -> bool:
 def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool) -> str:
     """Why a run as a whole has no bounds; empty: nothing speaks against them."""
     if is_sampled:
-        return SAMPLED
+        return "a PreStep function, which acts by the begin of each step"
     if asked.is_static or goes_on:
-        return GOES_ON
+        return "a static solve, or a run that goes on from another that moves"
     if any(flex.modal_damping is not None for flex in asked.flexes):
-        return BY_RATIOS
-    return HOLDS_RATES if asked.holds_rates else ""
+        return "damping by ratios of modes"
+    if asked.holds_rates:
+        return "joints held by their rates (useIndex2Constraints): they drift, and otherwise with all modes"
+    return ""
 
 
 def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], why_not: str) -> tuple[Bounds | None, str]:
@@ -266,11 +265,6 @@ def _bounded(bounds: Bounds, by_cause: dict[str, CauseEstimate]) -> tuple[np.nda
         return None, bounds.why_not
     bound = with_bounds(by_cause, proved)
     return bound, NOT_RESOLVED if bound is None else ""
-
-
-def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
-    """Rows with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0."""
-    return Rows(rows.t, rows.q, rows.v, rows.a, -rows.multipliers) if is_static else rows
 
 
 def _beside_steps(one: Enriched, rows: Rows) -> tuple[str, ...]:
@@ -304,17 +298,11 @@ def is_rigid(bodies: Sequence[Enriched]) -> bool:
     return any(one.known.stiff is not None for one in bodies)
 
 
-def _in_last_state(mbs: Any, rows: Rows) -> AbstractContextManager:
-    """The mbs in the state of its last accepted step: a step that failed may have left another one."""
-    t, *state = rows.row(-1)
-    return state_set(mbs.systemData, t, state)
-
-
 def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]:
     """Largest angular velocity of each frame, rad/s."""
     nodes = (int(mbs.GetObject(flex.number)["nodeNumbers"][0]) for flex in flexes)
-    own = [np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in nodes]
-    return [float(2 * np.linalg.norm(rows.v[:, x[3:]], axis=1).max()) for x in own]
+    turns = (rows.v[:, node_coordinates(mbs, node)[3:]] for node in nodes)
+    return [float(2 * np.linalg.norm(x, axis=1).max()) for x in turns]
 
 
 def _outputs(
@@ -329,10 +317,6 @@ def _outputs(
     return [_output(one, values, by_cause, bound, doubts) for one in sensors.shown]
 
 
-def _shown(sensor: ShownSensor, out: OutputReport) -> Shown:
-    return Shown(sensor.name, sensor.unit, sensor.rows.start + sensor.shows, out.extents)
-
-
 def _output(
     sensor: ShownSensor,
     value: np.ndarray,
@@ -340,7 +324,7 @@ def _output(
     bound: np.ndarray,
     doubts: tuple[Doubt, ...],
 ) -> OutputReport:
-    own = sensor.rows.start + sensor.shows
+    own = sensor.own
     value, bound = value[:, own], bound[:, own]
     none = np.broadcast_to(0.0, value.shape)  # takes no memory
     parts = dict.fromkeys(CAUSES, none) | {PART_OF[cause]: x.over_time[:, own] for cause, x in by_cause.items()}

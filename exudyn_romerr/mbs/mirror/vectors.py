@@ -13,18 +13,15 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
-from ...basis.enrichment import Enrichment
 from ...linalg.orthogonalise import m_orthonormal, without
-from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...mechanism.body import Body, Place
 from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
 from ...model.admissible_space import rigid_modes
-from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
-from ..access.mbs_items import Items
+from ..access.mbs_items import Items, node_coordinates
 from ..floating.floating_body import FloatingBody
 from ..floating.moving_subject import require_free_node
 from ..floating.reference_search import SeenBody, seen_body
@@ -88,7 +85,7 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     others = np.vstack([np.eye(P.shape[1])[omega < slow], _moving_others(flex, model.V, P)])
     P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, others)
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
-    coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
+    coordinates = (node_coordinates(mbs, node) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
     n, shapes = model.V.shape[1], np.hstack([model.V, P])
     held = np.hstack([model.held, P])
@@ -132,19 +129,14 @@ def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
 
 def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """P (N, m), M-orthonormal oscillators, the projectors of their parts (PARTS, m, m), frequencies (m,) rad/s."""
-    held, Z = known.held, known.held.space
-    (wrenches, loads), inertia = known.forces(), Z.loads(unit_inertia(known.flex.mass, known.flex.positions))
-    V = Z.coordinates("V", known.model.held)
-    stiff = None if known.stiff is None else known.stiff.Z
-    of = V, wrenches, loads, inertia, count, stiff
-    return made_once(held, "vectors", of, lambda: _made(known, V, wrenches, loads, inertia, count))
+    V = known.held.space.coordinates("V", known.model.held)
+    of = V, *known.forces(), count, None if known.stiff is None else known.stiff.Z
+    return made_once(known.held, "vectors", of, lambda: _made(known, V, count))
 
 
-def _made(known: SeenBody, V, wrenches, loads, inertia, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What _vectors returns; modes V, wrenches, loads, inertia: as held.space has them."""
-    held, Z = known.held, known.held.space
-    rigid = None if known.stiff is None else with_rigid_interfaces(held, known.stiff)
-    found = Enrichment(held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
+def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What _vectors returns; modes V: as held.space has them."""
+    held, found = known.held, known.enrichment(count)
     part = _part_of(found.keeps, found.first)
     squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))
     turn = turn[:, ::-1] / np.sqrt(squares[::-1])
@@ -158,7 +150,7 @@ def _made(known: SeenBody, V, wrenches, loads, inertia, count: int) -> tuple[np.
     part, turn = np.append(part, np.zeros(X.shape[1], int)), la.block_diag(turn, np.eye(X.shape[1])) @ apart @ T
     back = np.linalg.inv(turn)  # y = turn eta: force on eta = turn^T force on y
     parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(PARTS))]
-    return Z.expand(P @ T), np.array(parts), np.sqrt(squares)
+    return held.space.expand(P @ T), np.array(parts), np.sqrt(squares)
 
 
 def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -35,10 +35,6 @@ from .step_hook import shared_hook
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-WITHOUT = "romerr.node_displacement({!r}, node=..., component='z')"
-OF_NODES = "romerr.mean_displacement({!r}, nodes=...)"
-OF_SET = "romerr.mean_displacement({!r}, nodes={}['NodeNumbers'], weights={}['NodeWeights'])"
-
 
 def make_subject(
     mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str, alone: bool
@@ -105,8 +101,17 @@ def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | N
 
 def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     """Everything is known already: the offline work is done now."""
-    _refuse_sensors(options.outputs)
-    if options.outputs is None:
+    outputs = options.outputs
+    for out in [outputs] if isinstance(outputs, str) else outputs if isinstance(outputs, list | tuple) else ():
+        if isinstance(out, Integral | exu.SensorIndex | str):
+            found = repr(out) if isinstance(out, str) else f"sensor {int(out)}"
+            name = out if isinstance(out, str) else "tip"
+            raise InputError(
+                f"outputs contains {found}; a sensor on NodeGenericODE2 shows reduced coordinates, no output of the "
+                f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
+                "component='z') instead"
+            )
+    if outputs is None:
         raise InputError(
             "outputs is missing: sensors cannot tell what to bound of a body made by add_reduced_body; pass "
             "outputs=[romerr.node_displacement('tip', node=..., component='z')], romerr.Output(name, rows), or []"
@@ -138,18 +143,6 @@ def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOp
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
     return replace(options, outputs=outputs)
-
-
-def _refuse_sensors(outputs: Any) -> None:
-    for out in [outputs] if isinstance(outputs, str) else outputs if isinstance(outputs, list | tuple) else ():
-        if isinstance(out, Integral | exu.SensorIndex | str):
-            found = repr(out) if isinstance(out, str) else f"sensor {int(out)}"
-            name = out if isinstance(out, str) else "tip"
-            raise InputError(
-                f"outputs contains {found}; a sensor on NodeGenericODE2 shows reduced coordinates, no output of the "
-                f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
-                "component='z') instead"
-            )
 
 
 def _without_names(mbs: Any, flexes: Sequence, outputs: Any) -> Any:
@@ -186,8 +179,12 @@ def _instead(flexes: Sequence, name: str) -> str:
     for flex in flexes:
         for i, node_set in enumerate(flex.fem.nodeSets if isinstance(flex, FloatingBody) else ()):
             if node_set.get("Name") == name:
-                return f"{name!r} is a node set of the fem: pass {OF_SET.format(name, *2 * [f'fem.nodeSets[{i}]'])}"
-    return f"without a sensor pass {WITHOUT.format(name)} or {OF_NODES.format(name)}"
+                of = f"nodes=fem.nodeSets[{i}]['NodeNumbers'], weights=fem.nodeSets[{i}]['NodeWeights']"
+                return f"{name!r} is a node set of the fem: pass romerr.mean_displacement({name!r}, {of})"
+    return (
+        f"without a sensor pass romerr.node_displacement({name!r}, node=..., component='z') or "
+        f"romerr.mean_displacement({name!r}, nodes=...)"
+    )
 
 
 def _number(mbs: Any, name: str) -> list[int]:

@@ -12,14 +12,13 @@ from ...errors import RunError
 from ...linear.run.balance import UNKNOWN
 from ...linear.run.record import doubts_in
 from ...linear.run.run import BLOCK, Run
-from ...report.scope import COUPLED
-from ...report.wording import not_certified
+from ...report.scope import COUPLED, cures_of
+from ...report.wording import for_run_alone, not_certified
 from ..access.solvers import SAME_TIME, solver_facts
 
 if TYPE_CHECKING:
     from ...linear.residual.samples import Extension
     from ...linear.run.prepare import Offline
-    from ...report.data import Plan
     from ..access.reduced_body import LinearSubject
     from ..floating.moving_subject import MovingSubject
     from .mechanism_run import BodyRun, MechanismRun
@@ -80,16 +79,6 @@ class MonitoredBody:
         self._offline, self.width, self._listens = offline, offline.width, True
         self._solver = solver_facts(mbs, self._static, self.subject.floor)
 
-    def plan(self, mbs: Any, why_not: str) -> tuple[Plan, bool]:
-        """Return what would be computed if a solve began now, and whether the mechanism would tell."""
-        offline = self.subject.read(mbs, False, why_not)
-        return (self.subject.told_plan(), True) if offline is None else (offline.plan, False)
-
-    def run_told(self, run: BodyRun) -> None:
-        """The mechanism will tell of the solve that begins."""
-        self.told = run
-        self.runs.append(run)
-
     def fall_back(self, mbs: Any, run: MechanismRun) -> None:
         """The mechanism cannot tell: evaluate its rows alone, under frozen inputs, unless the other was asked for."""
         self.runs.remove(self.told)
@@ -98,7 +87,7 @@ class MonitoredBody:
             self.error = run.error
             return
         with self.kept_errors():
-            self._begin_alone(mbs, self.subject.read(mbs, run.is_static, str(run.error)))
+            self._begin_alone(mbs, self.subject.read(mbs, run.asked.is_static, str(run.error)))
         rows = run.rows()
         for first in range(0, len(rows), BLOCK):
             part = rows[first : first + BLOCK]
@@ -166,6 +155,21 @@ class MonitoredBody:
                 self.told.stopped = t
             ended = "the run ended" if self.run.solver.ends_early(t) is False else "stopped"
             self.note(f"{ended} at t = {t:g}: {reason}")
+
+    def bounds_at(self, t: float) -> dict[str, np.ndarray]:
+        """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
+        is_bounded = self.run is not None and self.succession.last[0] == t
+        return {name: rows[0] for name, rows in self.run.best_of_last(1).items()} if is_bounded else {}
+
+    def scope(self) -> dict[str, str]:
+        """Return what the bounds of the run under way cover, by estimator."""
+        return dict.fromkeys(self.run.assumptions(), self.run.offline.scene.scope)
+
+    def what_numbers_cannot_say(self) -> str:
+        """Return in words why the bounds so far are not certified, and what they leave out; empty: nothing."""
+        doubts, alone = self.run.doubts(), for_run_alone(self.scope())
+        said = [alone and f"it holds {alone}", doubts and f"{not_certified(doubts)}: {cures_of(doubts)}"]
+        return "; ".join(filter(None, said))
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""

@@ -10,12 +10,12 @@ import numpy as np
 from ...errors import RunError
 from ...linear.estimators.causes import REDUCTION
 from ...linear.run.record import Internal
-from ...mechanism.rows import Rows
 from ..access.solvers import SAME_TIME
-from ..mirror.recorder import StoredRows
+from ..mirror.recorder import StoredRows, as_rows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve
 
 if TYPE_CHECKING:
+    from ...mechanism.rows import Rows
     from ...report.mechanism_report import MechanismReport
     from ..floating.moving_subject import MovingSubject
 
@@ -24,58 +24,47 @@ class MechanismRun:
     """Rows of a solve so far, and what is known of the errors of its bodies.
 
     asked : what it is told of. end : s, where the solver is to go to. before : how the solve before
-    has ended. error : why nothing can be told. due : s, from when on its rows are to be told.
+    has ended. known : what was told of the rows; None: nothing. error : why nothing can be told. due : s, from when
+    on its rows are to be told.
     """
 
     def __init__(self, asked: Asked, end: float, before: Ended | None):
-        self._asked, self._end, self._before = asked, end, before
-        self._rows, self._borders = StoredRows(), np.zeros(4, int)
-        self._told: Told | None = None
+        self.asked, self._end, self._before = asked, end, before
+        self._rows, self._size = StoredRows(), 0
+        self.known: Told | None = None
         self.due = end - SAME_TIME * abs(end)
         self._count = 0  # rows that were told
         self.error: Exception | None = None
 
-    @property
-    def is_static(self) -> bool:
-        """Whether rows are load steps."""
-        return self._asked.is_static
-
-    @property
-    def is_known(self) -> bool:
-        """Whether rows were told."""
-        return self._told is not None
-
     def append(self, t: np.ndarray, *state: np.ndarray) -> None:
         """Keep rows t (S,), q, q_t, q_tt, multipliers (S, ...)."""
-        self._borders = 1 + np.cumsum([0, *(x.shape[1] for x in state[:-1])])
+        self._size = state[0].shape[1]
         self._rows.append(np.hstack([t[:, None], *state]))
 
     def rows(self) -> Rows:
         """Return all so far."""
-        rows = self._rows.all().reshape(len(self._rows), -1)
-        t, *state = np.split(rows, self._borders, axis=1)
-        return Rows(t.reshape(-1), *state)
+        return as_rows(self._rows.all().reshape(len(self._rows), -1), self._size)
 
     def tell(self, mbs: Any) -> Ended | None:
         """Find out what is known of the rows so far; return how they end, None: as before."""
         if (count := len(self._rows)) == self._count:
             return None
-        rows, self._count, self._told, self.error = self.rows(), count, None, None
+        rows, self._count, self.known, self.error = self.rows(), count, None, None
         ended, is_over = Ended(rows.q[-1], rows.v[-1]), rows.t[-1] >= self.due  # where nothing is known
         try:
-            self._told, ended = told_solve(mbs, self._asked, rows, self._before, None if is_over else self._end)
+            self.known, ended = told_solve(mbs, self.asked, rows, self._before, None if is_over else self._end)
         except Exception as error:  # whatever it is: the run of the user goes on, and the report says why
             self.error = error
         self._before = None if is_over else self._before  # which holds whole bodies
-        return ended if count > 1 or self.is_static else None
+        return ended if count > 1 or self.asked.is_static else None
 
     def told(self) -> Told:
         """Return what is known; RunError: nothing was told yet, or else what `tell` met."""
         if self.error is not None:
             raise self.error
-        if self._told is None:
+        if self.known is None:
             raise RunError("the run was not told yet; ask monitor.report()")
-        return self._told
+        return self.known
 
 
 class BodyRun:
@@ -93,7 +82,7 @@ class BodyRun:
     @property
     def is_static(self) -> bool:
         """Whether rows are load steps."""
-        return self.of.is_static
+        return self.of.asked.is_static
 
     @property
     def times(self) -> np.ndarray:

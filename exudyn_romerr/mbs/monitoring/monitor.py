@@ -5,6 +5,10 @@ from __future__ import annotations
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import SensorUserFunction
+
 from ...checks import check_choice
 from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
@@ -14,15 +18,13 @@ from ..access.solvers import note_end, on_purpose
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.sensors import planned_sensors
-from .live_output import sensor_of
 from .mechanism_run import BodyRun
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from exudyn.itemInterface import SensorUserFunction
+    from collections.abc import Callable, Sequence
 
     from ...linear.run.run import Run
+    from ...model.outputs import Output
     from ...report.data import Plan
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
@@ -77,13 +79,15 @@ class Monitor:
         """
         return self._planned()[0]
 
+    @one_thread()
     def _planned(self) -> tuple[Plan, bool]:
         """The plan, and whether the linearised mechanism would tell."""
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
         self._hook.finish(self._mbs)  # what was stored so far belongs to what was read before
-        return self._hook.plan(self._mbs, self._watch)
+        offline = self.subject.read(self._mbs, False, self._hook.why_not_told(self._mbs, is_static=True))
+        return (self.subject.told_plan(), True) if offline is None else (offline.plan, False)
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output, for mbs.AddSensor before mbs.Assemble().
@@ -111,12 +115,33 @@ class Monitor:
         that they are not certified, or hold with inputs frozen: a line is printed then, once a run. The report has
         the last word.
         """
-        outputs = {out.name: out for out in self._watch.subject.outputs}
-        if not outputs:
-            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
-        check_choice("output", output, outputs)
-        self._watch.subject.at_every_step()
-        return sensor_of(self._hook.evaluate_now, self._watch, outputs[output], options)
+        _, out = _named([self], output)
+        self.subject.is_live = True
+        given = {"name": f"bound of {output}", "storeInternal": True, **options}
+        return SensorUserFunction(sensorUserFunction=self._live_bound(out, given["name"]), **given)
+
+    def _live_bound(self, out: Output, sensor: str) -> Callable:
+        """The user function of a sensor of a bound.
+
+        Exudyn writes sensors after PostStep, so that this step's row is among those stored. What holds for its
+        numbers, which they cannot say, is printed once a run, and when more is known.
+        """
+        hook, watch, heard = self._hook, self._watch, (0, 0)
+        rows = len(out.labels) or (1 if callable(out.rows) else len(np.atleast_2d(out.rows)))  # as far as is known
+
+        def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
+            nonlocal rows, heard
+            hook.evaluate_now()
+            found = watch.bounds_at(t).get(out.name)
+            if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
+                return [np.inf] * rows
+            rows, now = len(found), (len(watch.runs), len(watch.run.doubts()))
+            if now != heard and (said := watch.what_numbers_cannot_say()):
+                exu.Print(f"exudyn_romerr at t = {t:g}: {sensor!r}: {said}")
+            heard = now
+            return found.tolist()
+
+        return bound
 
     @one_thread()
     def report(self, i: int = -1) -> BoundReport:
@@ -184,11 +209,7 @@ class MechanismMonitor:
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""
-        names = {out.name: body for body in self.bodies for out in body.subject.outputs}
-        if not names:
-            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
-        check_choice("output", output, names)
-        return names[output].bound_sensor(output, **options)
+        return _named(self.bodies, output)[0].bound_sensor(output, **options)
 
     @one_thread()
     def report(self, i: int = -1) -> MechanismReport:
@@ -218,3 +239,12 @@ class MechanismMonitor:
     def _names(self) -> list[str]:
         names = sensor_names(self._mbs)
         return [names[number] for number in self._numbers()]
+
+
+def _named(bodies: Sequence[Monitor], output: str) -> tuple[Monitor, Output]:
+    """The body that has an output of that name, and the output; InputError if there is none."""
+    known = {out.name: (body, out) for body in bodies for out in body.subject.outputs}
+    if not known:
+        raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
+    check_choice("output", output, known)
+    return known[output]

@@ -17,21 +17,20 @@ from ...linear.run.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
+from ...report.wording import rounded_up, under, with_unit
 from ..access.equations import IN_PLACE
 from ..access.mbs_items import FFRF, Items
-from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
+from ..access.solvers import holds_rates, just_begun, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.hollow_copy import require_covered
 from ..mirror.pre_step import parameters
 from ..mirror.told_solve import Asked, Ended
-from .live_output import live_line
 from .mechanism_run import BodyRun, MechanismRun
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from ...report.data import Plan
     from .body_monitor import MonitoredBody
 
 START_OF_STEP = exu.ConfigurationType.StartOfStep
@@ -113,7 +112,6 @@ LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
 CACHED = 700_000  # numbers, which all that is computed at control points in a block has at most then
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
 FREED = 1_000_000  # numbers of an array that is made and let go, so that the C library keeps memory of blocks
-NO_SOLVER = "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
 
 
 class StepHook:
@@ -152,25 +150,27 @@ class StepHook:
         """Read the mbs; return whether each step is to be evaluated at once."""
         self._occupant, self._mbs = slot_function(mbs), weakref.ref(mbs)
         self.run, self._has_begun = None, False
-        static = running_static_solver(mbs, self._static_solver)
+        # one kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one
+        static = just_begun(mbs, static=True)
+        static = None if static is self._static_solver else static
         self._static_solver = static or self._static_solver
         solver = just_begun(mbs) if static is None else static
         self._verbose = solver is not None and solver.output.verboseMode > 1
-        why = self._why_not_told(mbs, static is not None)
+        why = self.why_not_told(mbs, static is not None)
         for watch in self.watches:
             watch.begin(mbs, static is not None, why)
         if any(watch.is_told for watch in self.watches):
             self._begin_mechanism(mbs, solver, static is not None)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
-    def _why_not_told(self, mbs: Any, is_static: bool) -> str:
-        """Why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
+    def why_not_told(self, mbs: Any, is_static: bool) -> str:
+        """Return why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
         attached = {watch.item for watch in self.watches}
         reduced = ((i, item) for i, item in enumerate(Items(mbs).objects) if item["objectType"] == FFRF)
         if missing := [f"object {i} ({item['name']})" for i, item in reduced if i not in attached]:
             return f"{UNATTACHED}, so their errors are not known: {', '.join(missing)}; attach them all"
         if not is_static and just_begun(mbs) is None:
-            return NO_SOLVER
+            return "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
         try:
             require_covered(mbs)
         except AssumptionError as error:
@@ -189,7 +189,8 @@ class StepHook:
         self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
         for i, watch in enumerate(floating):
             if watch.is_told:
-                watch.run_told(BodyRun(self.run, i, watch.subject, watch.tolerance))
+                watch.told = BodyRun(self.run, i, watch.subject, watch.tolerance)
+                watch.runs.append(watch.told)
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -223,7 +224,7 @@ class StepHook:
         for watch in self.watches:
             if watch.is_told and self.run is None:
                 watch.fall_back(mbs, run)
-            elif watch.is_told and run.is_known:
+            elif watch.is_told and run.known is not None:
                 watch.error = None  # of what was shown at once
 
     def _evaluate(self) -> None:
@@ -271,11 +272,6 @@ class StepHook:
     def _is_over(self) -> bool:
         return any(watch.stopped for watch in self.watches)
 
-    @one_thread()
-    def plan(self, mbs: Any, watch: MonitoredBody) -> tuple[Plan, bool]:
-        """Return what would be computed of a watch if a solve began now, and whether the mechanism would tell."""
-        return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
-
     @property
     def end(self) -> float:
         """When the solve ends, s, where a mechanism is told."""
@@ -318,6 +314,19 @@ class StepHook:
         if [x.shape for x in self._arrays] != shapes:
             self._arrays = tuple(map(np.empty, shapes))
         return self._arrays
+
+
+def live_line(watches: Sequence[MonitoredBody], t: float) -> str:
+    """Return in words what the bounds are at t, the largest of the rows of each output."""
+    found = [
+        f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}"
+        f"{under(watch.scope(), doubts=watch.run.doubts())}"
+        for watch in watches
+        for bounds in [watch.bounds_at(t)]
+        for out in watch.subject.outputs
+        if out.name in bounds
+    ]
+    return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
 
 
 def block_rows(size: int, width: int = CACHED) -> int:

@@ -86,10 +86,9 @@ class RecordedSolve:
         if end is not None and ending.why:
             last = runs[-1].t[-1]
             solve.until = until_load(last, ending.why) if is_static else until(last, end, ending.why)
-        flexes, solve.refused = _readable(self._mbs, self._bodies)
-        solve.flexes = flexes
-        if solve.refused:
-            raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
+        solve.flexes, solve.refused = flexes, refused = _readable(self._mbs, self._bodies)
+        if refused:
+            raise AssumptionError("; ".join(f"{which}: {why}" for which, why in refused))
         chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]
         of_solver, further = (scheme_from(solver), is_static), [body.further for body in self._bodies]
         asked = Asked(
@@ -112,9 +111,12 @@ def _planned_end(solver: Any, last: float) -> float | None:
 
 def _readable(mbs: Any, bodies: Sequence[FoundBody]) -> tuple[list[FloatingBody], list[tuple[str, str]]]:
     """Return the bodies that can be read, and (which, why not) of the others."""
-    found = [(body, _flex_or_reason(mbs, body)) for body in bodies]
-    refused = [(_named(mbs, body), why) for body, why in found if isinstance(why, str)]
-    return [flex for _, flex in found if not isinstance(flex, str)], refused
+    found, refused = [_flex_or_reason(mbs, body) for body in bodies], []
+    for body, why in zip(bodies, found, strict=True):
+        if isinstance(why, str):
+            name = mbs.GetObject(body.number)["name"]
+            refused.append((f"body {body.number}{name and f' ({name})'}", why))
+    return [flex for flex in found if not isinstance(flex, str)], refused
 
 
 def _flex_or_reason(mbs: Any, body: FoundBody) -> FloatingBody | str:
@@ -124,8 +126,3 @@ def _flex_or_reason(mbs: Any, body: FoundBody) -> FloatingBody | str:
         return floating_body(body.fem, body.items(mbs))
     except Exception as error:  # whatever it is: the answer says it
         return str(error)
-
-
-def _named(mbs: Any, body: FoundBody) -> str:
-    name = mbs.GetObject(body.number)["name"]
-    return f"body {body.number}{name and f' ({name})'}"

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from .found_bodies import FoundBodies
 
-WHILE_TOLD = f"{INTERRUPTED} while its error was computed"
-
 
 class Watched(NamedTuple):
     """A solve under way, what gives its reports when it has ended, what is put back then."""
@@ -138,7 +136,7 @@ class WatchedSolves(StandIn):
         except Exception as error:  # as in _begin
             solve.failure = error
         except KeyboardInterrupt:
-            solve.failure = RunError(WHILE_TOLD)
+            solve.failure = RunError(f"{INTERRUPTED} while its error was computed")
             raise
         solve.our_seconds += process_time() - begin
 

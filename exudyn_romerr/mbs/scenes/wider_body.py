@@ -6,11 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...basis.enrichment import Enrichment
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError, InputError
-from ...linear.residual.interface_stiffening import with_rigid_interfaces
-from ...model.floating_frame import unit_inertia
 from ..access.copied_mbs import object_terms, widened_node
 from ..access.mbs_items import dense
 from ..floating.built_in import add_weight, built_in, has_functions
@@ -40,16 +37,11 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     known, _ = seen_body(mbs, floating_body(body.fem, body.items(mbs)))
-    full, Z = known.held, known.held.space
-    V, inertia = Z.coordinates("V", known.model.held), Z.loads(unit_inertia(full.mass, full.positions))
-    wrenches, loads = known.forces()
-    rigid = None if known.stiff is None else with_rigid_interfaces(full, known.stiff)
-    count = min(VECTORS, V.shape[0] - V.shape[1])
     try:
-        found = Enrichment(full, V, inertia, loads, wrenches, count, rigid)
+        found = known.enrichment(VECTORS)
     except AssumptionError:  # modes without static ones: here vectors may move interfaces, for they are real modes
-        found = Enrichment(full, V, inertia, np.hstack([loads, wrenches]), wrenches[:, :0], count, rigid)
-    return Vectors(Z.expand(found.P), found.keeps)
+        found = known.enrichment(VECTORS, still=False)
+    return Vectors(known.held.space.expand(found.P), found.keeps)
 
 
 def widen(mbs: Any, body: FoundBody, P: np.ndarray) -> None:

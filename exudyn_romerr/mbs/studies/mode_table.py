@@ -44,7 +44,6 @@ DIRECTIONS = ("displacement x", "displacement y", "displacement z", "rotation x"
 REST = 0.03
 STILL = 1e-3  # the same of the interface that holds the frame: Exudyn's RBE3 modes move it by up to 1e-4
 SIX = len(DIRECTIONS)
-HCB = "HCBmodes"  # fem.modeBasis["type"] of ComputeHurtyCraigBamptonModes
 WHY = (
     "The first interface has none ({}): its 6 would move the body as a rigid one, as the frame does with coordinates "
     "of its own. The frame is fixed to it (excludeRigidBodyMotion=True, Exudyn's default)"
@@ -77,7 +76,7 @@ def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
     said, n = {}, V.shape[1]
     for number, one in enumerate(moved, first):
         said |= {j: f"static, {one.called(number)}, {way}" for j, way in one.modes.items()}
-    if not moved and (flex.fem.modeBasis or {}).get("type") == HCB:
+    if not moved and (flex.fem.modeBasis or {}).get("type") == "HCBmodes":  # of ComputeHurtyCraigBamptonModes
         said = _by_place(n - len(flex.fem.eigenValues), first)
     others = [j for j in range(n) if j not in said]
     said |= {j: f"eigenmode {k}" for k, j in enumerate(others, 1)}
@@ -144,7 +143,6 @@ def _moves(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> np.ndarray:
     return moves / np.abs(V).max(axis=0)
 
 
-NOT_HELD = "Not compared with the full model: {}."
 NO_DAMPING = "Damping is not known: the body was not read from its mbs, as a solve does that is watched."
 NO_RUN = (
     "What modes do in the run is not known: the report was loaded, or is of a body alone in a frame that it does not "
@@ -221,7 +219,7 @@ def _of_floating(flex: FloatingBody, report: BoundReport | None) -> ModeTable:
     try:
         modes = _frequencies(flex, V, D, rayleigh, run)
     except RomErrError as error:
-        notes.append(NOT_HELD.format(str(error).rstrip(".")))
+        notes.append(f"Not compared with the full model: {str(error).rstrip('.')}.")
     found = coordinates_of(V, flex.mass, flex.stiffness, D, np.tile(np.eye(3), (len(flex.positions), 1)))
     return ModeTable(f"body {flex.number}", *kinds(flex, V), found, modes, run, notes)
 

@@ -508,7 +508,7 @@ def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
         assert np.all(bound[0] > 0)
 
 
-@pytest.mark.parametrize(("kind", "place"), [(hooks.StepHook, "_why_not_told"), (MonitoredBody, "_take")])
+@pytest.mark.parametrize(("kind", "place"), [(hooks.StepHook, "why_not_told"), (MonitoredBody, "_take")])
 def test_programming_errors_of_ours_do_not_reach_the_run(monkeypatch, kind, place):
     """Whatever breaks, wherever: said, kept, and the run and the user's function go on."""
     monkeypatch.setattr(kind, place, lambda self, *rest: [][0])
