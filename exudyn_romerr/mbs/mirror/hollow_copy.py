@@ -20,7 +20,7 @@ from ...mechanism.rows import Rows
 from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
-from ..access.detached import READS_SENSORS, Detached, load_functions
+from ..access.detached import READS_SENSORS, Detached, functions_of
 from ..access.equations import Equations, state_in_place
 from ..access.mbs_items import QUATERNIONS, Items, node_coordinates
 from ..access.solvers import threads
@@ -76,7 +76,7 @@ class HollowCopy:
         self._loads = [
             (function, load.get("loadVector", load.get("load")))
             for load in Items(self.mbs).loads
-            for function in load_functions(load)
+            for function in functions_of(load)
         ]
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
