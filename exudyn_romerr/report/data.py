@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from .scope import Doubt
-    from .verdicts import Verdict
+from .scope import Doubt
+from .verdicts import Verdict
 
 UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local": the same in every system of units
     "Rotation": "rad",

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from ..errors import InputError, RunError
+from .assessment import Assessment
 from .data import DICTS, OPTIONAL, Plan, Watched, line_of
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
 from .wording import NO_OUTPUTS, numbered, widest_scope
-
-if TYPE_CHECKING:
-    from .assessment import Assessment
 
 ASK_BODIES = (
     "a mechanism has no {} of its own: ask report.bodies[...] where their scope is another than 'coupled "

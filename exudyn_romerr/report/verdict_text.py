@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from .answers import SHARE, Answer
-from .cures import CAUSES
-from .verdicts import MEASURED, NONE, Row
+from .verdicts import CAUSES, MEASURED, NONE, Row, Verdict
 from .wording import digits, listed, percent, rounded_up
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from .verdicts import Verdict
 
 TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
@@ -167,8 +161,11 @@ def _enough(rows: Sequence[Row], what: str) -> list[str]:
 def first_sentences(rows: Sequence[Row]) -> list[str]:
     """Return a sentence for each cause: enough or not, how large, at which component, what to do.
 
-    The cause with the largest share of its tolerance stands first. rows : of all components.
+    The cause with the largest share of its tolerance stands first; nothing where nothing is known. rows : of all
+    components.
     """
+    if not has_numbers(rows):
+        return []
     wrong = [row for row in rows if row.answer not in FINE]
     by_cause = [row for row in wrong if row.shows_nothing or len(row.of) == 1 or _has_cause(row, WORSE)]
     named = {row.name for row in by_cause}

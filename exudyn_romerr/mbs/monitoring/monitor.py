@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
 from ...errors import InputError, RunError
-from ...process.blas_threads import one_thread
+from ...process import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from ..access.mbs_items import sensor_names
 from ..access.solvers import note_end, on_purpose

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+from collections.abc import Iterator
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
 import numpy as np
 
+from ..data import OutputReport, ReportData
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..wording import SHORT, estimate_scope, under, widest_scope
 from .atomic_write import write_whole
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator
-    from typing import BinaryIO
-
-    from ..data import OutputReport, ReportData
 
 
 def columns(report: ReportData) -> dict[str, np.ndarray]:

@@ -6,13 +6,15 @@ import base64
 import io
 import os
 import re
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..component_verdicts import limit_of
-from ..data import made_here
+from ..answers import Tolerances
+from ..assessment import limit_of
+from ..data import OutputReport, ReportData, made_here
+from ..judgement import OUTPUT, extent, judged, messages, of_bounds
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.panels import worst_first
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
@@ -29,13 +31,6 @@ from ..wording import (
 )
 from .atomic_write import write_whole
 from .csv_table import series_of
-from .printed_text import OUTPUT, extent, judged, messages, of_bounds
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from ..answers import Tolerances
-    from ..data import OutputReport, ReportData
 
 NUMBER = re.compile(r"\d[\d.]*e[-+]\d+")
 CSS = """

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+import os
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
-from ..data import DICTS, NODE_DICTS, OPTIONAL, NodeFields
+from ..data import DICTS, NODE_DICTS, OPTIONAL, NodeFields, ReportData
+from ..scope import Doubt
 from .atomic_write import write_whole
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable
-
-    from ..data import ReportData
-    from ..scope import Doubt
 
 FORMAT = 2  # of the saved file; a file of another format is refused
 # fields that the JSON text has: of the report under their own names, of outputs as lists under these

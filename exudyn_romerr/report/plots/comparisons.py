@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
-from ..cures import CAUSES
 from ..verdict_text import TITLES, by_sensor
+from ..verdicts import CAUSES, Row
 from ..wording import axis_label
 from .style import (
     CAUSE_STYLES,
@@ -24,12 +25,6 @@ from .style import (
     put_title,
     save,
 )
-
-if TYPE_CHECKING:
-    import os
-
-    from ..verdicts import Row
-
 
 # colour, hatch
 OF_CAUSES = dict(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...checks import check_count
 from ...linear.estimators.causes import BY_STEPS, RESOLVED
+from ..data import ReportData
 from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit
 from .style import (
@@ -31,11 +33,6 @@ from .style import (
     quantity,
     spread,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ..data import ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ...linear.residual.samples import SAME_TIMES
+from ..report import BoundReport
 from ..wording import under
 from .style import largest_in_words
-
-if TYPE_CHECKING:
-    from ..report import BoundReport
 
 SAME_VALUES = 1e-6  # of the largest: sensor files have 10 digits; a factor between units is 10 at least
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 import os
 import re
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
-from ..component_verdicts import limit_of
-from ..data import is_beside
+from ..answers import Tolerances
+from ..assessment import limit_of
+from ..data import OutputReport, ReportData, is_beside
 from ..wording import for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save
-
-if TYPE_CHECKING:
-    from ..answers import Tolerances
-    from ..data import OutputReport, ReportData
 
 HARDLY = 0.01  # of the largest change of an output's rows: a row that changes less is not the one that is looked at
 PANELS = 4  # of a picture: more are smaller than their legends

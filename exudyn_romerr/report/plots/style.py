@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ..formats.atomic_write import write_whole
 from ..wording import axis_label, rounded_up, with_unit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
 
 LETTERS = 10  # points
 # Okabe and Ito, and two of Tol for what these leave open: told apart by the colour-blind; line styles, markers and
