@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     )
     from .report.assessment import Assessment
     from .report.derived import VonMises, von_mises
-    from .report.formats.load import load_report
+    from .report.mechanism_report import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
     from .report.plots.overlay import add_bands
     from .report.report import BoundReport, OutputReport
@@ -78,7 +78,7 @@ _NAMES = {  # by module
     "node_velocity relative_displacement",
     "report.assessment": "Assessment",
     "report.derived": "VonMises von_mises",
-    "report.formats.load": "load_report",
+    "report.mechanism_report": "load_report",
     "report.plots.comparisons": "plot_convergence plot_run_time",
     "report.plots.overlay": "add_bands",
     "report.report": "BoundReport OutputReport",

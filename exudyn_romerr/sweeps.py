@@ -18,8 +18,8 @@ import numpy as np
 from .errors import InputError, RunError
 from .report.formats.atomic_write import write_whole
 from .report.formats.csv_table import largest, main_series
-from .report.formats.load import report_of
 from .report.formats.npz_file import arrays_of
+from .report.mechanism_report import report_of
 from .report.report import BoundReport
 from .report.wording import digits, rounded_up
 

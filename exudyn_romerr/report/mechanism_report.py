@@ -1,7 +1,8 @@
-"""Reports joined: of several bodies of one mbs, a MechanismReport; of intervals of time that follow each other."""
+"""Reports read from files, and joined: of bodies of one mbs, a MechanismReport; of intervals of time in a row."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ import numpy as np
 from ..errors import InputError, RunError
 from .assessment import Assessment
 from .data import DICTS, OPTIONAL, Plan, Watched, line_of
+from .formats.npz_file import bodies_of, fields_of, read_npz
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
 from .wording import NO_OUTPUTS, numbered, widest_scope
@@ -184,3 +186,27 @@ def _of_keys(dicts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 def _doubts(of: Sequence[Any]) -> tuple:
     return tuple({doubt.cause: doubt for one in of for doubt in one.uncertified}.values())
+
+
+def load_report(path: str | os.PathLike) -> BoundReport:
+    """Read a report that BoundReport.save wrote.
+
+    Raises
+    ------
+    InputError
+        No such file or no permission, truncated, not a report, or written by another format version.
+    """
+    return read_npz(path, report_of)
+
+
+def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
+    """Return the report that npz_file.arrays_of took apart; origin: the file that they were in.
+
+    What older files lack is as the fields of a new report are.
+    """
+    fields = {**fields_of(arrays), "origin": origin}
+    if fields["position_bound"]:
+        return BoundReport(**fields)
+    # of a mechanism: bodies have such, if anything has
+    bodies = tuple(report_of(body, origin) for body in bodies_of(arrays))
+    return MechanismReport(**{**fields, "position_bound": OfBodies(), "velocity_bound": OfBodies()}, bodies=bodies)
