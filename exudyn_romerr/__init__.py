@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .report.derived import VonMises, von_mises
     from .report.mechanism_report import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
-    from .report.plots.overlay import add_bands
+    from .report.plots.over_time import add_bands
     from .report.report import BoundReport, OutputReport
     from .scripts.run import Run, run
     from .scripts.tune import Tuning, tune
@@ -80,7 +80,7 @@ _NAMES = {  # by module
     "report.derived": "VonMises von_mises",
     "report.mechanism_report": "load_report",
     "report.plots.comparisons": "plot_convergence plot_run_time",
-    "report.plots.overlay": "add_bands",
+    "report.plots.over_time": "add_bands",
     "report.report": "BoundReport OutputReport",
     "scripts.run": "Run run",
     "scripts.tune": "Tuning tune",

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -17,7 +15,7 @@ import numpy as np
 
 from .errors import InputError, RunError
 from .report.formats.atomic_write import write_whole
-from .report.formats.csv_table import largest, main_series
+from .report.formats.csv_table import csv_bytes, largest, main_series
 from .report.formats.npz_file import arrays_of
 from .report.mechanism_report import report_of
 from .report.report import BoundReport
@@ -311,21 +309,14 @@ def write_table(folder: str | os.PathLike, path: str | os.PathLike) -> None:
     kind = ENDINGS.get(os.path.splitext(path)[1].lower())
     if kind is None:
         raise InputError(f"{os.fspath(path)} does not end in .csv or .md; pass such a name after -o")
-    text = f"{text_of(folder)}\n" if kind == "markdown" else _csv(*table_of(folder))
-    encoding = "utf-8" if text.isascii() or kind == "markdown" else "utf-8-sig"  # Excel needs the mark
-    write_whole(path, lambda stream: stream.write(text.encode(encoding)))
+    data = csv_bytes(*table_of(folder)) if kind == "csv" else f"{text_of(folder)}\n".encode()
+    write_whole(path, lambda stream: stream.write(data))
 
 
 def _table(lines: list[dict[str, Any]]) -> tuple[list[str], list[list[Any]]]:
     head = list(dict.fromkeys(name for line in lines for name in line))
     head.sort(key=lambda name: name == FAILURE)
     return head, [[line.get(name) for name in head] for line in lines]
-
-
-def _csv(head: list[str], lines: list[list[Any]]) -> str:
-    text = io.StringIO(newline="")
-    csv.writer(text).writerows([head, *lines])
-    return text.getvalue()
 
 
 def _cell(x: Any) -> str:

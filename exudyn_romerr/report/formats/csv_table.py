@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
-from typing import BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +44,8 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
     """
     found: dict[str, np.ndarray] = {}
     for name, x in _named(report):
-        found[name if name not in found else _another(name, found)] = x
+        others = (other for i in count(2) if (other := f"{name} ({i})") not in found)
+        found[name if name not in found else next(others)] = x
     return found
 
 
@@ -71,7 +72,9 @@ def write_csv(report: ReportData, path: str | os.PathLike) -> None:
     InputError
         The file cannot be written; one that was there is as it was.
     """
-    write_whole(path, lambda stream: _write(report, stream))
+    table = columns(report)
+    data = csv_bytes(table, zip(*(x.tolist() for x in table.values()), strict=True))
+    write_whole(path, lambda stream: stream.write(data))
 
 
 def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
@@ -128,15 +131,9 @@ def _condition(out: OutputReport, scope: dict[str, str]) -> str:
     return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
-def _another(name: str, found: dict) -> str:
-    return next(other for i in count(2) if (other := f"{name} ({i})") not in found)
-
-
-def _write(report: ReportData, stream: BinaryIO) -> None:
-    table = columns(report)
-    encoding = "utf-8" if all(map(str.isascii, table)) else "utf-8-sig"
-    text = io.TextIOWrapper(stream, encoding=encoding, newline="")
-    writer = csv.writer(text)
-    writer.writerow(table)
-    writer.writerows(zip(*(x.tolist() for x in table.values()), strict=True))
-    text.detach()  # flushed; the stream is not ours to close
+def csv_bytes(head: Iterable[str], lines: Iterable[Sequence[Any]]) -> bytes:
+    """Return a table as CSV in UTF-8, with a byte order mark if it has other letters than English ones."""
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([head, *lines])
+    found = text.getvalue()
+    return found.encode("utf-8" if found.isascii() else "utf-8-sig")  # Excel needs the mark

@@ -253,8 +253,7 @@ def plot_verdicts(rows: Sequence[Row], path: str | os.PathLike, title: str = "Er
     put_title(figure, title)
     if entries := len(axes.get_legend_handles_labels()[1]):  # none where nothing is known
         figure.legend(loc="outside lower center", ncols=max(2, -(-entries // 2)), fontsize="small", frameon=False)
-    save(figure, path)
-    return figure
+    return save(figure, path)
 
 
 def _draw_cause(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: float) -> None:

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ..answers import Tolerances
 from ..assessment import limit_of
 from ..data import OutputReport, ReportData, is_beside
-from ..wording import for_run_alone, not_certified
+from ..wording import for_run_alone, listed, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save
 
@@ -21,7 +21,7 @@ HARDLY = 0.01  # of the largest change of an output's rows: a row that changes l
 PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 3  # so many have a second pair of axes with their errors
 SCREEN = (10.0, 8.0)  # inches, the largest picture
-NOTE, NAMES = 15, 8  # letters in an inch of the notes; so many names are in them
+NOTE = 15  # letters in an inch of the notes
 NO_SCRIPT = re.compile(r"ipykernel|__")  # what runs a user's cells, or was run with python -m
 
 
@@ -146,9 +146,7 @@ def _framed(
         if not ax.get_subplotspec().is_last_row():
             ax.set_xlabel("")
             put_legend(ax)
-    if path is not None:
-        save(figure, path)
-    return figure
+    return save(figure, path)
 
 
 def _script(report: ReportData) -> str:
@@ -168,9 +166,5 @@ def _question(report: ReportData) -> str:
 
 
 def _note(left_out: list[str], smaller: str) -> str:
-    if not left_out:
-        return ""
-    names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
-    more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    why = f"{smaller} for their size, none, or not asked for"
-    return f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses"
+    names = listed([name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out])
+    return names and f"Not shown ({smaller} for their size, none, or not asked for): {names}; outputs= chooses"
