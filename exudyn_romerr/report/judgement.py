@@ -274,14 +274,11 @@ def _table_of_solves(rows: Sequence[Row], numbers: Iterable[int]) -> list[tuple[
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
     lines = [("solve", "answer", *(f"{TITLES[cause]} {how(rows)}" for cause in causes))]
     for number in numbers:
-        own = [row for row in rows if row.solve == number]
-        lines.append((str(number), worst(row.answer for row in own).value, *(_worst_cell(own, x) for x in causes)))
+        own, cells = [row for row in rows if row.solve == number], []
+        for cause in causes:
+            known = [row for row in own if cause in row.of and row.of[cause].size is not None]
+            row = max(known, key=lambda row, cause=cause: row.share(cause), default=None)
+            size = row and f"{size_in_words(row.of[cause], row.unit, row.extent)}, {row.label or row.name}"
+            cells.append(size or Answer.NOT_COVERED.value)
+        lines.append((str(number), worst(row.answer for row in own).value, *cells))
     return lines
-
-
-def _worst_cell(rows: Sequence[Row], cause: str) -> str:
-    known = [row for row in rows if cause in row.of and row.of[cause].size is not None]
-    if not known:
-        return Answer.NOT_COVERED.value
-    row = max(known, key=lambda row: row.share(cause))
-    return f"{size_in_words(row.of[cause], row.unit, row.extent)}, {row.label or row.name}"

@@ -42,8 +42,14 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
     A name that is there already gets " (2)". An unknown bound is inf. Does not cover: causes and node_bound, which
     save() keeps.
     """
+    named = [("load factor" if report.time == "static" else "t [s]", report.t)]
+    for out in report.outputs.values():
+        for row, name in enumerate(out.row_names):
+            named += [(_name(name, what, "", out.unit), x[:, row]) for what, x in series_of(out, report.scope)]
+    for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
+        named += [(f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items()]
     found: dict[str, np.ndarray] = {}
-    for name, x in _named(report):
+    for name, x in named:
         others = (other for i in count(2) if (other := f"{name} ({i})") not in found)
         found[name if name not in found else next(others)] = x
     return found
@@ -75,15 +81,6 @@ def write_csv(report: ReportData, path: str | os.PathLike) -> None:
     table = columns(report)
     data = csv_bytes(table, zip(*(x.tolist() for x in table.values()), strict=True))
     write_whole(path, lambda stream: stream.write(data))
-
-
-def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
-    yield "load factor" if report.time == "static" else "t [s]", report.t
-    for out in report.outputs.values():
-        for row, name in enumerate(out.row_names):
-            yield from ((_name(name, what, "", out.unit), x[:, row]) for what, x in series_of(out, report.scope))
-    for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
-        yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
 
 
 def _name(*parts: str) -> str:

@@ -181,17 +181,13 @@ def put_legend(ax: Any) -> None:
     down = ScaledTranslation(0, -(BELOW if ax.get_xlabel() else BARE), ax.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": ax.transAxes + down}
     handles = [tuple(of) if of[1:] else of[0] for of in entries.values()]
-    for columns, size in _shapes(len(entries)):
+    count, few = len(entries), -(-len(entries) // LINES)
+    shapes = ((columns, size) for size in ("small", "x-small") for columns in ((count, few) if count < 4 else (few,)))
+    for columns, size in shapes:  # the best first
         style = {"ncols": columns, "fontsize": size, "columnspacing": 1.2, "borderaxespad": 0, "frameon": False}
         legend = ax.legend(handles, list(entries), **style, **place)
         if legend.get_window_extent().width <= _room(ax) * ax.figure.dpi:
             break
-
-
-def _shapes(count: int) -> list[tuple[int, str]]:
-    """Columns and size of letters of a legend of so many entries, the best first."""
-    few = -(-count // LINES)
-    return [(columns, size) for size in ("small", "x-small") for columns in ((count, few) if count < 4 else (few,))]
 
 
 def _room(ax: Any) -> float:
