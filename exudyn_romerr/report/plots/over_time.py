@@ -201,7 +201,7 @@ class _Row:
         """That of the sharpest of the bounds that the best one is made of."""
         of = self.bounds
         sharpest = min(of, key=lambda e: (np.count_nonzero(np.isinf(of[e])), largest_finite(of[e])))
-        return COLOURS.get(sharpest, OTHERS[0])
+        return LOOKS.get(sharpest, OTHERS)[0]
 
     def best_guess(self) -> tuple[str, np.ndarray, np.ndarray, str] | None:
         """What it is, best guess of the full model's output, half width, label; where proved the corrected output."""
