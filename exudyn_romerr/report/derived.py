@@ -61,9 +61,8 @@ def features_table(reports: Sequence[ReportData]) -> list[tuple[str, ...]]:
     lines = [("sensor", *(TITLE.format(name) for name in NAMES))]
     for report in reports:
         for out in report.outputs.values():
-            found = features_of(report, out)
-            for i, name in enumerate(out.row_names):
-                lines.append((name, *(_cell(found[x], i, out.unit) for x in NAMES)))
+            found = features_of(report, out).values()
+            lines += [(name, *(_cell(x, i, out.unit) for x in found)) for i, name in enumerate(out.row_names)]
     return lines
 
 

@@ -200,20 +200,15 @@ def judged_together(of: dict[str, Verdict], shown: float | None, limit: float | 
         still = {cause for cause, one in of.items() if not limit or one.answer is not Answer.TOO_LARGE}
         return {c: _doubted(one, SHOWS_NOTHING, OTHER_SENSORS) if c in still else one for c, one in of.items()}
     step = of.get("step")
-    if not _is_coarse(step, shown):
-        return _as_bad_as_its_causes(of)
-    cure = step.cure if not step.cure or step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}"
-    told = {"step", "sum"}
-    of = {c: replace(x, cure=cure) if c in told else _doubted(x, TOO_COARSE, cure) for c, x in of.items()}
-    return _as_bad_as_its_causes(of)
-
-
-def _as_bad_as_its_causes(of: dict[str, Verdict]) -> dict[str, Verdict]:
-    """The whole is too large where a cause is, unless it is known to be within: both would cancel by chance only."""
+    if _is_coarse(step, shown):
+        cure = step.cure if not step.cure or step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}"
+        told = {"step", "sum"}
+        of = {c: replace(x, cure=cure) if c in told else _doubted(x, TOO_COARSE, cure) for c, x in of.items()}
+    # the whole is too large where a cause is, unless it is known to be within: both would cancel by chance only
     is_wrong = any(one.answer is Answer.TOO_LARGE for one in of.values())
-    if not is_wrong or of["sum"].answer not in (Answer.NOT_KNOWN, Answer.NOT_COVERED):
-        return of
-    return of | {"sum": replace(of["sum"], answer=Answer.TOO_LARGE)}
+    if is_wrong and of["sum"].answer in (Answer.NOT_KNOWN, Answer.NOT_COVERED):
+        of = of | {"sum": replace(of["sum"], answer=Answer.TOO_LARGE)}
+    return of
 
 
 def until(t: float, end: float, why: str) -> str:
@@ -259,10 +254,8 @@ def beside_estimate(row: Row, estimated: Verdict | None) -> Row:
     row = replace(row, estimated=estimated)
     if not row.is_contradicted:
         return row
-    other, whole = (
-        judge(estimated.size, estimated.half_width, row.tolerance, ESTIMATED, floor=estimated.floor),
-        row.of["sum"],
-    )
+    whole = row.of["sum"]
+    other = judge(estimated.size, estimated.half_width, row.tolerance, ESTIMATED, floor=estimated.floor)
     answer = worst([whole.answer, other.answer])
     why = whole.reason or (CONTRADICTED if answer is not whole.answer else "")
     return replace(row, of=row.of | {"sum": replace(whole, answer=answer, reason=why)})
