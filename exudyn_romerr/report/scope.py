@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
-from ..model.admissible_space import Space
-from ..model.floating_frame import FramePose, Jitter
+if TYPE_CHECKING:
+    from ..model.admissible_space import Space
+    from ..model.floating_frame import FramePose, Jitter
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
 COVERS = {
