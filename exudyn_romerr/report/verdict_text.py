@@ -232,9 +232,7 @@ def how(rows: Sequence[Row]) -> str:
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
     size = "" if row.extent is None else f"{digits(row.extent, 4)} {row.unit}".rstrip()
     bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{row.scope and f' ({row.scope})'}"
-    of = [row.of.get(cause) for cause in causes]
-    cells = ["" if x is None else x.answer.value if x.size is None else size_in_words(x, "", row.extent) for x in of]
-    return (row.label or row.name, size, *cells, *([bound] if with_bound else []))
+    return (row.label or row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
 
 
 def _beside(row: Row) -> tuple[str, ...]:
@@ -242,6 +240,14 @@ def _beside(row: Row) -> tuple[str, ...]:
     order = "" if row.order is None else digits(row.order, 2)
     estimated = "not covered" if row.estimated is None or row.estimated.size is None else size_in_words(row.estimated)
     return order, "" if row.noise is None else digits(row.noise, 1), estimated
+
+
+def _cell(row: Row, cause: str) -> str:
+    """Size, half width and share of one cause."""
+    if cause not in row.of:
+        return ""
+    verdict = row.of[cause]
+    return verdict.answer.value if verdict.size is None else size_in_words(verdict, "", row.extent)
 
 
 def size_in_words(verdict: Verdict, unit: str = "", of: float | None = None) -> str:
