@@ -42,9 +42,9 @@ from benchmarks.estimates import attached, bodies_of
 from benchmarks.mechanism_builder import all_modes, built
 from benchmarks.random_mechanisms import Mechanism, Shape, damped, drawn, started
 from benchmarks.sweep import PENCIL
-from exudyn_romerr.report.component_verdicts import OF_INTERFACES
-from exudyn_romerr.report.cures import CAUSES as OF_REPORT
+from exudyn_romerr.report.assessment import OF_INTERFACES
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
+from exudyn_romerr.report.verdicts import CAUSES as OF_REPORT
 from exudyn_romerr.report.wording import estimate_scope
 from models import estimate_truths
 from models.estimate_scenes import SCENES, EstimateScene, LinearScene

@@ -44,9 +44,9 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     )
     from .report.assessment import Assessment
     from .report.derived import VonMises, von_mises
-    from .report.formats.load import load_report
+    from .report.mechanism_report import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
-    from .report.plots.overlay import add_bands
+    from .report.plots.over_time import add_bands
     from .report.report import BoundReport, OutputReport
     from .scripts.run import Run, run
     from .scripts.tune import Tuning, tune
@@ -78,9 +78,9 @@ _NAMES = {  # by module
     "node_velocity relative_displacement",
     "report.assessment": "Assessment",
     "report.derived": "VonMises von_mises",
-    "report.formats.load": "load_report",
+    "report.mechanism_report": "load_report",
     "report.plots.comparisons": "plot_convergence plot_run_time",
-    "report.plots.overlay": "add_bands",
+    "report.plots.over_time": "add_bands",
     "report.report": "BoundReport OutputReport",
     "scripts.run": "Run run",
     "scripts.tune": "Tuning tune",

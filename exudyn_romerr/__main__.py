@@ -334,7 +334,7 @@ def _write(given: argparse.Namespace) -> None:
 
 
 def _collect(given: argparse.Namespace) -> None:
-    from .sweeps.collect import text_of, write_table
+    from .sweeps import text_of, write_table
 
     if given.to is None:
         print(text_of(given.file))

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..report.answers import Answer, worst
-from ..report.cures import CAUSES, LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
-from ..report.verdicts import NONE
+from ..report.verdicts import CAUSES, LOWEST_ORDER, MOST_TIMES, NONE, SECOND_ORDER
 from .search import cheapest
 
 if TYPE_CHECKING:

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from .scope import Doubt
-    from .verdicts import Verdict
+from .scope import Doubt
+from .verdicts import Verdict
 
 UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local": the same in every system of units
     "Rotation": "rad",
@@ -50,16 +47,8 @@ def is_rate(shows: str) -> bool:
     return shows.removesuffix("Local").lower().endswith(("velocity", "acceleration"))
 
 
-class Watched(Protocol):
-    """What is estimated, or shown: a name, of what, in which unit."""
-
-    name: str
-    of: str
-    unit: str
-
-
-def line_of(out: Watched) -> str:
-    """Return the line of a plan that says that an output is estimated."""
+def line_of(out: Any) -> str:
+    """Return the line of a plan that says that an output is estimated; out : has a name, of what it is, a unit."""
     return f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}, estimated"
 
 
@@ -175,16 +164,11 @@ class OutputReport:
 
     def __repr__(self) -> str:
         """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""
-        of_all = (f"bound[{e!r}]" for e in self.bound)
-        known = (
-            name for name in ("estimate", "uncertainty", "corrected", "error") if getattr(self, name) is not None
-        )
-        arrays = ", ".join(["value", *of_all, *known])
-        what = f"{self.of}{self.unit and f' in {self.unit}'}"
-        return (
-            f"<OutputReport {', '.join(map(repr, self.row_names))}: {what}, {len(self.value)} instants; {arrays}; "
-            "print(report) says what they mean>"
-        )
+        optional = ("estimate", "uncertainty", "corrected", "error")
+        known = (name for name in optional if getattr(self, name) is not None)
+        arrays = ", ".join(["value", *(f"bound[{e!r}]" for e in self.bound), *known])
+        what = f"{self.of}{self.unit and f' in {self.unit}'}, {len(self.value)} instants; {arrays}"
+        return f"<OutputReport {', '.join(map(repr, self.row_names))}: {what}; print(report) says what they mean>"
 
     def at_round_off(self) -> np.ndarray:
         """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""

@@ -5,25 +5,19 @@ A peak does not care about phase: its error may be a hundredth of the largest er
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
 from ..model.solid_elements import STRAINS
 from .answers import Answer
-from .data import Feature, extents
-from .scope import FROZEN
+from .data import Feature, OutputReport, ReportData, extents
+from .scope import FROZEN, Doubt
 from .verdict_text import size_in_words
 from .verdicts import ESTIMATED, Verdict
 from .wording import covers_time, digits, estimate_scope
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .data import OutputReport, ReportData
-    from .scope import Doubt
 
 NAMES = ("peak", "rms", "end")
 TITLE = "{} (full model less this: about)"
@@ -67,9 +61,8 @@ def features_table(reports: Sequence[ReportData]) -> list[tuple[str, ...]]:
     lines = [("sensor", *(TITLE.format(name) for name in NAMES))]
     for report in reports:
         for out in report.outputs.values():
-            found = features_of(report, out)
-            for i, name in enumerate(out.row_names):
-                lines.append((name, *(_cell(found[x], i, out.unit) for x in NAMES)))
+            found = features_of(report, out).values()
+            lines += [(name, *(_cell(x, i, out.unit) for x in found)) for i, name in enumerate(out.row_names)]
     return lines
 
 

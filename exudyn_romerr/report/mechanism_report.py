@@ -1,22 +1,22 @@
-"""Reports joined: of several bodies of one mbs, a MechanismReport; of intervals of time that follow each other."""
+"""Reports read from files, and joined: of bodies of one mbs, a MechanismReport; of intervals of time in a row."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from ..errors import InputError, RunError
-from .data import DICTS, OPTIONAL, Plan, Watched, line_of
+from .assessment import Assessment
+from .data import DICTS, OPTIONAL, Plan, line_of
+from .formats.npz_file import bodies_of, fields_of, read_npz
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
 from .wording import NO_OUTPUTS, numbered, widest_scope
-
-if TYPE_CHECKING:
-    from .assessment import Assessment
 
 ASK_BODIES = (
     "a mechanism has no {} of its own: ask report.bodies[...] where their scope is another than 'coupled "
@@ -73,9 +73,7 @@ def joined(
         [(where, out.name) for where, out in own] + [("a sensor on no flexible body", x.name) for x in others]
     )
     stopped = next((out.stopped for _, out in own), None)
-    beside = next(
-        (out.beside_steps for _, out in own if out.beside_steps), ()
-    )  # what rings in one body is felt by all
+    beside = _beside_steps(out for _, out in own)
     made = [replace(out, bound={**_infinite(out, scope), **out.bound}, beside_steps=beside) for _, out in own]
     for out in others:
         none = _infinite(out, scope)
@@ -114,7 +112,7 @@ def check_names(places: Sequence[tuple[str, str]]) -> None:
             raise InputError(f"{name!r} is an output of {first} and of {second}: give them names of their own")
 
 
-def joined_plan(plans: Sequence[Plan], others: Sequence[Watched], left_out: Sequence[tuple[str, str]]) -> Plan:
+def joined_plan(plans: Sequence[Plan], others: Sequence[Any], left_out: Sequence[tuple[str, str]]) -> Plan:
     """Return the plans of all bodies as one, with what is watched beside these, and sensors that are left out."""
     computed = numbered([plan.computed for plan in plans])
     computed += [f"{line_of(out)}, no bound" for out in others]
@@ -156,7 +154,7 @@ def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
         velocity_bound=_of_keys([report.velocity_bound for report in reports]),
         outputs={name: _output([report.outputs[name] for report in reports]) for name in names},
         scope={e: max((of.scope[e] for of in reports if e in of.scope), key=SCOPES.index) for e in last.scope},
-        messages=list(dict.fromkeys(message for report in reports for message in report.messages)),
+        messages=_once(message for report in reports for message in report.messages),
         uncertified=_doubts(reports),
         nodes=None,
         modes=None,
@@ -165,13 +163,15 @@ def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
 
 
 def _output(outs: Sequence[OutputReport]) -> OutputReport:
-    last = outs[-1]
-    optional = {name: [getattr(out, name) for out in outs] for name in OPTIONAL}
-    given = {name: None if any(x is None for x in of) else _in_a_row(of) for name, of in optional.items()}
-    dicts = {name: _of_keys([getattr(out, name) for out in outs]) for name in DICTS}
-    arrays = {name: _in_a_row([getattr(out, name) for out in outs]) for name in ("value", "round_off")}
-    beside = next((out.beside_steps for out in outs if out.beside_steps), ())
-    return replace(last, **arrays, **given, **dicts, beside_steps=beside, uncertified=_doubts(outs))
+    arrays = {name: [getattr(out, name) for out in outs] for name in ("value", "round_off", *OPTIONAL)}
+    joined = {name: None if any(x is None for x in of) else _in_a_row(of) for name, of in arrays.items()}
+    joined |= {name: _of_keys([getattr(out, name) for out in outs]) for name in DICTS}
+    return replace(outs[-1], **joined, beside_steps=_beside_steps(outs), uncertified=_doubts(outs))
+
+
+def _beside_steps(outs: Iterable[OutputReport]) -> tuple[str, ...]:
+    """What rings in one body is felt by all."""
+    return next((out.beside_steps for out in outs if out.beside_steps), ())
 
 
 def _in_a_row(arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -186,3 +186,27 @@ def _of_keys(dicts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 def _doubts(of: Sequence[Any]) -> tuple:
     return tuple({doubt.cause: doubt for one in of for doubt in one.uncertified}.values())
+
+
+def load_report(path: str | os.PathLike) -> BoundReport:
+    """Read a report that BoundReport.save wrote.
+
+    Raises
+    ------
+    InputError
+        No such file or no permission, truncated, not a report, or written by another format version.
+    """
+    return read_npz(path, report_of)
+
+
+def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
+    """Return the report that npz_file.arrays_of took apart; origin: the file that they were in.
+
+    What older files lack is as the fields of a new report are.
+    """
+    fields = {**fields_of(arrays), "origin": origin}
+    if fields["position_bound"]:
+        return BoundReport(**fields)
+    # of a mechanism: bodies have such, if anything has
+    bodies = tuple(report_of(body, origin) for body in bodies_of(arrays))
+    return MechanismReport(**{**fields, "position_bound": OfBodies(), "velocity_bound": OfBodies()}, bodies=bodies)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,19 +13,15 @@ from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..linear.residual.samples import instants_in
 from .answers import Tolerances, tolerances_of
-from .assessment import Assessment, assess
-from .component_verdicts import limit_of, rows_of_output
+from .assessment import Assessment, assess, limit_of, rows_of_output
 from .data import OutputReport, ReportData
 from .derived import features_of
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
-from .formats.printed_text import details, summary
+from .judgement import details, summary
 from .scope import with_doubts
 from .verdict_text import worst_by_cause
 from .wording import widest_scope
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 
 @dataclass(repr=False)

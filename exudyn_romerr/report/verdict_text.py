@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from .answers import SHARE, Answer
-from .cures import CAUSES
-from .verdicts import MEASURED, NONE, Row
+from .verdicts import CAUSES, MEASURED, NONE, Row, Verdict
 from .wording import digits, listed, percent, rounded_up
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from .verdicts import Verdict
 
 TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
@@ -47,19 +41,19 @@ def by_sensor(rows: Sequence[Row]) -> list[Row]:
     found: dict[tuple, list[Row]] = {}
     for row in rows:
         found.setdefault((row.solve, row.name), []).append(row)
-    return [row for of in found.values() for row in _worst_components(of)]
-
-
-def _worst_components(rows: Sequence[Row]) -> list[Row]:
-    def known_share(row: Row) -> float:
-        return max(filter(isfinite, map(row.share, CAUSES)), default=0.0)
-
-    first = max(rows, key=lambda row: (row.share("sum"), known_share(row)))
-    told = [first]
-    for cause in CAUSES:
-        worst = max(rows, key=lambda row, cause=cause: (row.share(cause), row is first))
-        told += [worst] if worst not in told else []
+    told: list[Row] = []
+    for of in found.values():
+        first = max(of, key=lambda row: (row.share("sum"), _known_share(row)))
+        worst = [first]
+        for cause in CAUSES:
+            row = max(of, key=lambda row, cause=cause, first=first: (row.share(cause), row is first))
+            worst += [row] if row not in worst else []
+        told += worst
     return told
+
+
+def _known_share(row: Row) -> float:
+    return max(filter(isfinite, map(row.share, CAUSES)), default=0.0)
 
 
 def worst_by_cause(rows: Sequence[Row]) -> dict[str, Verdict]:
@@ -146,12 +140,10 @@ def _names(rows: Iterable[Row]) -> str:
 
 def _contradictions(rows: Sequence[Row]) -> list[str]:
     """Both numbers of the sensors of which runs and estimate tell different things."""
-    told: dict[str, Row] = {}
-    for row in rows:
-        largest = told.get(row.name)
-        if row.is_contradicted and row.answer not in FINE:
-            told[row.name] = row if largest is None or row.estimated.size > largest.estimated.size else largest
-    both = ((row, *(size_in_words(x, row.unit) for x in (row.of["sum"], row.estimated))) for row in told.values())
+    wrong = [row for row in rows if row.is_contradicted and row.answer not in FINE]
+    of = {row.name: [one for one in wrong if one.name == row.name] for row in wrong}
+    told = [max(its, key=lambda row: row.estimated.size) for its in of.values()]
+    both = ((row, *(size_in_words(x, row.unit) for x in (row.of["sum"], row.estimated))) for row in told)
     return [CONTRADICTION.format(one, other, row.label or row.name) for row, one, other in both]
 
 
@@ -167,8 +159,11 @@ def _enough(rows: Sequence[Row], what: str) -> list[str]:
 def first_sentences(rows: Sequence[Row]) -> list[str]:
     """Return a sentence for each cause: enough or not, how large, at which component, what to do.
 
-    The cause with the largest share of its tolerance stands first. rows : of all components.
+    The cause with the largest share of its tolerance stands first; nothing where nothing is known. rows : of all
+    components.
     """
+    if not has_numbers(rows):
+        return []
     wrong = [row for row in rows if row.answer not in FINE]
     by_cause = [row for row in wrong if row.shows_nothing or len(row.of) == 1 or _has_cause(row, WORSE)]
     named = {row.name for row in by_cause}
@@ -206,31 +201,24 @@ def _clause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
     row = max(rows, key=lambda row: row.share(cause))
     cure = max(rows, key=lambda row: row.shortening).of[cause].cure if cause == "step" else row.of[cause].cure
     verdict = row.of[cause]
-    word = "measured" if verdict.how == MEASURED else "about"
-    where = f"{row.label or row.name}{f' in solve {row.solve}' if in_solves else ''}"
-    size = f"{word} {size_in_words(verdict, row.unit, row.extent)} at {where}"
-    if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
-        return f"{_word(verdict)}, {size}, {NOT_RIGID}"
-    return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"
-
-
-def _word(verdict: Verdict) -> str:
-    """The answer, and why it is none where the number is one to rely on."""
     is_close = verdict.answer is Answer.NOT_KNOWN and verdict.is_resolved and not verdict.reason
-    return f"{verdict.answer.value}{' (too close to the tolerance)' if is_close else ''}"
+    where = f"{row.label or row.name}{f' in solve {row.solve}' if in_solves else ''}"
+    size = f"{verdict.how if verdict.how == MEASURED else 'about'} {size_in_words(verdict, row.unit, row.extent)}"
+    said = f"{verdict.answer.value}{' (too close to the tolerance)' * is_close}, {size} at {where}"
+    if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
+        return f"{said}, {NOT_RIGID}"
+    return f"{said}{cure and f'; {cure}'}"
 
 
 def table(rows: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
     """Return head and a line for each row, a column for each cause; what : rows are of."""
     sizes = {cause: [row.of[cause].size for row in _with(rows, cause)] for cause in (*CAUSES, "sum")}
     causes = [cause for cause, of in sizes.items() if any(size is not None for size in of)]
-    with_bound = any(row.bound is not None for row in rows)
-    word = how(rows)
-    scopes = {row.scope for row in rows if row.bound is not None}
-    shared = scopes.pop() if len(scopes) == 1 else ""
-    most = [f"at most{shared and f' ({shared})'}"] if with_bound else []
+    word, scopes = how(rows), {row.scope for row in rows if row.bound is not None}
+    shared = "".join(scopes) if len(scopes) == 1 else ""
+    most = [f"at most{shared and f' ({shared})'}"] if scopes else []
     head = (what, "up to", *(f"{TITLES[cause]} {word}" for cause in causes), *most)
-    lines = [head, *(_line(replace(row, scope="" if shared else row.scope), causes, with_bound) for row in rows)]
+    lines = [head, *(_line(replace(row, scope="" if shared else row.scope), causes, bool(scopes)) for row in rows)]
     if word != MEASURED:
         return lines
     return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, rows)], strict=True)]

@@ -1,16 +1,16 @@
-"""One verdict for each output, component and cause: size of its error, half width, answer, reason and cure."""
+"""One verdict for each output, component and cause of an error: size, half width, answer, reason and cure."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil, inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..linear.estimators.causes import RESOLVED
+from ..linear.estimators.causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 from .answers import NO_LIMIT, Answer, Limit, worst
-from .cures import AGAIN, CAUSES, LOWEST_ORDER, SECOND_ORDER
 
 ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"
 COARSE = RESOLVED  # of what a sensor shows: an error of steps above it leaves nothing that could be judged
@@ -46,7 +46,7 @@ class Verdict:
     @property
     def most(self) -> float:
         """Size, half width and rounding; inf where they are not known."""
-        return math.inf if self.size is None or self.half_width is None else self.size + self.half_width + self.floor
+        return inf if self.size is None or self.half_width is None else self.size + self.half_width + self.floor
 
     @property
     def least(self) -> float:
@@ -200,20 +200,15 @@ def judged_together(of: dict[str, Verdict], shown: float | None, limit: float | 
         still = {cause for cause, one in of.items() if not limit or one.answer is not Answer.TOO_LARGE}
         return {c: _doubted(one, SHOWS_NOTHING, OTHER_SENSORS) if c in still else one for c, one in of.items()}
     step = of.get("step")
-    if not _is_coarse(step, shown):
-        return _as_bad_as_its_causes(of)
-    cure = step.cure if not step.cure or step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}"
-    told = {"step", "sum"}
-    of = {c: replace(x, cure=cure) if c in told else _doubted(x, TOO_COARSE, cure) for c, x in of.items()}
-    return _as_bad_as_its_causes(of)
-
-
-def _as_bad_as_its_causes(of: dict[str, Verdict]) -> dict[str, Verdict]:
-    """The whole is too large where a cause is, unless it is known to be within: both would cancel by chance only."""
+    if _is_coarse(step, shown):
+        cure = step.cure if not step.cure or step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}"
+        told = {"step", "sum"}
+        of = {c: replace(x, cure=cure) if c in told else _doubted(x, TOO_COARSE, cure) for c, x in of.items()}
+    # the whole is too large where a cause is, unless it is known to be within: both would cancel by chance only
     is_wrong = any(one.answer is Answer.TOO_LARGE for one in of.values())
-    if not is_wrong or of["sum"].answer not in (Answer.NOT_KNOWN, Answer.NOT_COVERED):
-        return of
-    return of | {"sum": replace(of["sum"], answer=Answer.TOO_LARGE)}
+    if is_wrong and of["sum"].answer in (Answer.NOT_KNOWN, Answer.NOT_COVERED):
+        of = of | {"sum": replace(of["sum"], answer=Answer.TOO_LARGE)}
+    return of
 
 
 def until(t: float, end: float, why: str) -> str:
@@ -259,10 +254,107 @@ def beside_estimate(row: Row, estimated: Verdict | None) -> Row:
     row = replace(row, estimated=estimated)
     if not row.is_contradicted:
         return row
-    other, whole = (
-        judge(estimated.size, estimated.half_width, row.tolerance, ESTIMATED, floor=estimated.floor),
-        row.of["sum"],
-    )
+    whole = row.of["sum"]
+    other = judge(estimated.size, estimated.half_width, row.tolerance, ESTIMATED, floor=estimated.floor)
     answer = worst([whole.answer, other.answer])
     why = whole.reason or (CONTRADICTED if answer is not whole.answer else "")
     return replace(row, of=row.of | {"sum": replace(whole, answer=answer, reason=why)})
+
+
+# --- causes, and what to do about each ---
+
+
+class Cause(NamedTuple):
+    """What makes an error: in words; parts of estimates and of bounds that are of it, checks of these; its cure."""
+
+    title: str
+    parts: tuple[str, ...]
+    checks: tuple[str, ...]
+    cure: str
+
+
+OF_MODES = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved")
+OF_STEPS = ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved")
+CAUSES = {
+    "modes": Cause("modes", ("basis",), OF_MODES, "more modes"),
+    "interfaces": Cause(
+        "rigid interfaces",
+        ("interfaces",),
+        OF_MODES,
+        "RBE3 modes; nothing, if the part is as rigid there in reality",
+    ),
+    "step": Cause("step", ("time step",), OF_STEPS, "shorter steps"),
+    "start": Cause("start", ("initial", "jumps"), OF_MODES, "let loads begin smoothly, or start from equilibrium"),
+}
+ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
+MORE_VECTORS = "more vectors (auxiliary_modes=...)"
+NOT_LINEAR = "for the error is too large to be linear"
+AGAIN = "then ask again"  # where an error, or its half width, is too large to tell how far to go
+MOST_TIMES = 20  # times shorter steps: what is told at once; farther away nothing says that it gets there
+SECOND_ORDER = 2.0  # of Exudyn's implicit solvers, where none was measured
+LOWEST_ORDER = 1.0  # in which errors of steps are taken to fall where a lower order was measured; of PreStep
+FAR = 3.0  # times the estimate of what it bounds: from there on a bound says that it is far off, not the error
+SHARPER = "the bound is {} times the estimate: auxiliary_modes=60, or 130, make it sharper"
+OF_CHECKS = {"vectors": MORE_VECTORS, "loads": "smoother loads"}
+
+
+class Steps(NamedTuple):
+    """How many steps a run has taken, None: not known, or not of one size; in which order their error falls."""
+
+    count: int | None
+    order: float = SECOND_ORDER
+
+
+def cure_of(
+    cause: str,
+    size: float,
+    half: float,
+    halves: Mapping[str, float],
+    limit: float | None,
+    steps: Steps,
+    beside_steps: Sequence[str] = (),
+) -> str:
+    """Return what to do about one cause of an error, with a number where there is one.
+
+    size, half : of the error, and its half width. halves : parts of that by check. limit : what is allowed.
+    beside_steps : what helps beside shorter steps where these resolve nothing.
+    """
+    if half <= RESOLVED * size or cause == "interfaces":
+        return shorter_steps(size + half, limit, steps) if cause == "step" else CAUSES[cause].cure
+    # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
+    # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_output_estimates.py)
+    if beside_steps:
+        return beside_steps[0]
+    check = max(halves, key=halves.get)
+    if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS, FEEDBACK):
+        return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else CAUSES[cause].cure}, {NOT_LINEAR}"
+    if check == "steps":
+        return shorter_steps(size + half, limit, steps, is_resolved=False)
+    return OF_CHECKS.get(check, CAUSES[cause].cure)
+
+
+def cure_of_bound(causes: Mapping[str, np.ndarray]) -> str:
+    """Return what lowers the largest cause of a bound beside which there is no estimate."""
+    largest = max(causes, key=lambda name: np.max(np.abs(causes[name]), initial=0.0))
+    return next(cause.cure for cause in CAUSES.values() if largest in cause.parts)
+
+
+def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: bool = True) -> str:
+    """Return how many steps to take: an error falls with a power of the step, its order.
+
+    most : size and half width. limit : what is allowed; None: nothing was asked. is_resolved : whether most is a
+    number to go by; else, or where it is far away, the answer is asked for again.
+    """
+    if limit is None or not 0 < limit < most:
+        return CAUSES["step"].cure
+    needed = (most / limit) ** (1 / max(steps.order, LOWEST_ORDER))
+    is_far = not needed <= MOST_TIMES  # inf, too
+    times = MOST_TIMES if is_far else max(ceil(needed), 2)
+    said = times_as_short(times, steps)
+    return said if is_resolved and not is_far else f"{said}, {AGAIN}"
+
+
+def times_as_short(times: int, steps: Steps) -> str:
+    """Return how many steps are so many times as short, where it is known how many there were."""
+    told = f"{times} times as short"
+    return f"take steps {told}" if steps.count is None else f"take {steps.count * times:,} steps, {told}"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from math import floor, log10
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .data import OutputReport, ReportData
 from .scope import (
     COMPLETE,
     COUPLED,
@@ -16,16 +17,11 @@ from .scope import (
     NOT_CERTIFIED,
     PAGE,
     SCOPES,
+    Doubt,
     causes_of,
     remedies,
     with_doubts,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from .data import OutputReport, ReportData
-    from .scope import Doubt
 
 NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent

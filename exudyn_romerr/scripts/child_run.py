@@ -16,9 +16,12 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy as np
 
     from ..mode_selection.modal_content import Content
+    from ..report.verdicts import Verdict
 
 QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "PYTHONDONTWRITEBYTECODE": "1"}
 TAIL = 400  # characters of what a process printed last
@@ -78,6 +81,16 @@ class Result:
     def seconds(self) -> float:
         """CPU time."""
         return self.facts.get("seconds", 0.0)
+
+
+def estimates(results: Mapping[str, Result], *names: str) -> dict[tuple[str, int, int], dict[str, Verdict]]:
+    """Return what a watched run says of itself: verdicts by cause, of each (sensor, component, solve).
+
+    names : of runs, the first counts that was had. solve : among all, of which rows count those with bodies only.
+    """
+    rows = next((results[name].facts.get("rows", []) for name in names if name in results), [])
+    solves = [i for i, solve in enumerate(results["unchanged"].solves) if solve["has_bodies"]]
+    return {(row.name, row.component, solves[row.solve]): row.of for row in rows if row.solve < len(solves)}
 
 
 _RUNNING: dict[subprocess.Popen, str] = {}

@@ -3,33 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..report.answers import Answer
-from ..report.cures import AGAIN, CAUSES, LOWEST_ORDER, SECOND_ORDER, Steps, shorter_steps, times_as_short
+from ..report.answers import Answer, Tolerances
 from ..report.data import UNITS, extents, is_rate, units_of_length
 from ..report.verdicts import (
+    AGAIN,
+    CAUSES,
+    LOWEST_ORDER,
     MEASURED,
     NONE,
+    SECOND_ORDER,
     Row,
+    Steps,
     Verdict,
     judge,
     judged_together,
     not_covered,
     of_a_run_cut_short,
+    shorter_steps,
+    times_as_short,
 )
 from ..report.wording import largest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from ..report.answers import Tolerances
-    from .child_run import Result
+from .child_run import Result, estimates
 
 FINER = ("half", "quarter", "all")  # runs that take shorter steps
 SAME_TIME = 1e-9  # of the end time: solvers add up their steps
@@ -43,8 +45,7 @@ ENDED = "it ended at t = {:.6g} s, the unchanged run at {:.6g} s"
 STEPS = {"half": "the run with half the step", "quarter": "the run with a quarter of the step"}
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER = 0.5  # from it on halving leads somewhere
-# times what half the step does not divide as its order says: what jumps inside steps may leave
-OTHER_ORDER = 2.0
+OTHER_ORDER = 2.0  # times what half the step does not divide as its order says: what jumps inside steps may leave
 TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
@@ -154,16 +155,6 @@ def _unseen(base: Result, is_stress: bool) -> str:
         is_rigid = any(not keeps.all() for _, keeps in base.vectors.values())
         return OF_STRESS if is_stress and is_rigid else ""
     return OF_CALL if base.facts["bodies"] and base.facts.get("may_be_rigid", True) else ""
-
-
-def estimates(results: Mapping[str, Result], *names: str) -> dict[tuple[str, int, int], dict[str, Verdict]]:
-    """Return what a watched run says of itself: verdicts by cause, of each (sensor, component, solve).
-
-    names : of runs, the first counts that was had. solve : among all, of which rows count those with bodies only.
-    """
-    rows = next((results[name].facts.get("rows", []) for name in names if name in results), [])
-    solves = [i for i, solve in enumerate(results["unchanged"].solves) if solve["has_bodies"]]
-    return {(row.name, row.component, solves[row.solve]): row.of for row in rows if row.solve < len(solves)}
 
 
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..report.answers import Answer
-from ..report.cures import CAUSES
 from ..report.verdict_text import UNSURE
-from ..report.verdicts import ESTIMATED, NONE, TOO_COARSE, Row, Verdict, judge, judged_together
+from ..report.verdicts import CAUSES, ESTIMATED, NONE, TOO_COARSE, Row, Verdict, judge, judged_together
 
 if TYPE_CHECKING:
     from .verify import Verification

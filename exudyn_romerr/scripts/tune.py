@@ -17,8 +17,8 @@ from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
 from ..report.answers import SHARE, Answer, Limit, Tolerances, tolerances_of
-from ..report.cures import CAUSES
 from ..report.verdict_text import TITLES, aligned
+from ..report.verdicts import CAUSES
 from ..report.wording import digits, rounded_up
 from .child_run import Request, Result, run_child
 from .execute import check_script

@@ -13,13 +13,12 @@ from typing import Any
 
 from ..checks import check_choice
 from ..errors import InputError, RunError
-from ..process.interrupts import interrupt_deferred
+from ..process import interrupt_deferred
 from ..report.answers import Answer, Tolerances, tolerances_of, worst
-from ..report.cures import CAUSES
 from ..report.judgement import Judgement, Solve, text
-from ..report.verdicts import beside_estimate
-from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import STRESS, disagreements, estimates, rows_of_signal, signals
+from ..report.verdicts import CAUSES, beside_estimate
+from .child_run import Request, Result, estimates, run_child, stop_all, used_by_running
+from .compared import STRESS, disagreements, rows_of_signal, signals
 from .execute import check_script
 from .files import Judged
 

@@ -9,8 +9,8 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.report.assessment import ANSWERS, PRINTED, TOO_LARGE, assess
-from exudyn_romerr.report.cures import CAUSES, OF_CHECKS
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, Reason
+from exudyn_romerr.report.verdicts import CAUSES, OF_CHECKS
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
 from tests.helpers.report_outputs import corrected, estimated, output, report_of, with_rows

@@ -11,7 +11,7 @@ import pytest
 
 from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.answers import Tolerances
-from exudyn_romerr.report.component_verdicts import rows_of
+from exudyn_romerr.report.assessment import rows_of
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
 from exudyn_romerr.report.verdict_text import ASSESS, by_sensor, summary, table

@@ -17,7 +17,7 @@ from exudyn_romerr.mbs.monitoring.step_hook import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice, TriedRun
-from exudyn_romerr.report.component_verdicts import of_estimates
+from exudyn_romerr.report.assessment import of_estimates
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined
@@ -26,7 +26,7 @@ from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_
 from exudyn_romerr.report.plots.panels import plot_causes, plot_report
 from exudyn_romerr.report.plots.style import new_figure, picture
 from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, Doubt, Reason, with_doubts
-from exudyn_romerr.sweeps.collect import text_of
+from exudyn_romerr.sweeps import text_of
 from tests.helpers.report_outputs import output
 from tests.helpers.theorem import random_case
 from tests.report.saved_files import rewritten

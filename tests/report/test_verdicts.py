@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.linear.estimators.causes import CAUSES as PARTS_OF_ESTIMATES
-from exudyn_romerr.report import cures
+from exudyn_romerr.report import verdicts
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
-from exudyn_romerr.report.component_verdicts import OF_BOUNDS_ALONE, of_estimates, rows_of
+from exudyn_romerr.report.assessment import OF_BOUNDS_ALONE, of_estimates, rows_of
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY, Doubt, Reason
 from exudyn_romerr.report.verdicts import SHOWS_NOTHING, TOO_COARSE, judge
 from tests.helpers.report_outputs import estimated, output, report_of, with_rows
@@ -35,7 +35,7 @@ def test_each_cause_has_the_half_width_of_its_checks():
     assert (row.of["step"].size, row.of["step"].half_width) == (8e-3, pytest.approx(3.1e-4))
     assert (row.of["sum"].size, row.of["sum"].half_width) == (pytest.approx(6e-3), pytest.approx(5.1e-4))
     assert {*row.of} == {"modes", "step", "sum"}  # nothing of interfaces and starts
-    assert sorted(name for cause in cures.CAUSES.values() for name in cause.parts) == sorted(PARTS_OF_ESTIMATES)
+    assert sorted(name for cause in verdicts.CAUSES.values() for name in cause.parts) == sorted(PARTS_OF_ESTIMATES)
 
 
 def test_rigid_interfaces_and_starts_are_causes_of_their_own():
@@ -118,7 +118,7 @@ def test_where_there_is_no_estimate_a_bound_of_the_whole_error_answers(bound, an
     made = output(2.0, {"auxiliary": bound}, {"auxiliary": COMPLETE}), {"auxiliary": COMPLETE}
     (row,) = rows_of(report_of(made, time))
     assert (row.answer.value, row.bound) == (answer, bound)
-    assert row.of["sum"].cure == ("" if answer == "enough" else cures.CAUSES["step"].cure)
+    assert row.of["sum"].cure == ("" if answer == "enough" else verdicts.CAUSES["step"].cure)
     for covers, time_of in ((COUPLED, time), (FROZEN, time), (COMPLETE, "sampled")):
         made = output(2.0, {"auxiliary": bound}, {"auxiliary": covers}), {"auxiliary": covers}
         (row,) = rows_of(report_of(made, time_of))
@@ -196,32 +196,32 @@ def test_of_a_part_of_a_run_nothing_is_enough():
     ("parts", "halves", "cause", "cure"),
     [
         ({"basis": 0.1}, {"vectors": 0.01}, "modes", "more modes"),
-        ({"basis": 0.1}, {"vectors": 0.04}, "modes", cures.MORE_VECTORS),
+        ({"basis": 0.1}, {"vectors": 0.04}, "modes", verdicts.MORE_VECTORS),
         ({"basis": 0.1}, {"proved": 0.04}, "modes", "more modes"),
-        ({"basis": 0.1}, {"linearisation": 0.04}, "modes", f"more modes, {cures.NOT_LINEAR}"),
-        ({"interfaces": 0.1}, {"vectors": 0.01}, "interfaces", cures.CAUSES["interfaces"].cure),
-        ({"time step": 0.1}, {"steps": 0.04}, "step", f"take 12 steps, 12 times as short, {cures.AGAIN}"),
+        ({"basis": 0.1}, {"linearisation": 0.04}, "modes", f"more modes, {verdicts.NOT_LINEAR}"),
+        ({"interfaces": 0.1}, {"vectors": 0.01}, "interfaces", verdicts.CAUSES["interfaces"].cure),
+        ({"time step": 0.1}, {"steps": 0.04}, "step", f"take 12 steps, 12 times as short, {verdicts.AGAIN}"),
         ({"time step": 0.1}, {"steps": 0.04, "loads": 0.05}, "step", "smoother loads"),
-        ({"time step": 0.1}, {"steps": 241.0}, "step", f"take 20 steps, 20 times as short, {cures.AGAIN}"),
+        ({"time step": 0.1}, {"steps": 241.0}, "step", f"take 20 steps, 20 times as short, {verdicts.AGAIN}"),
         (
             {"time step": 0.1},
             {"linearisation of steps": 0.04},
             "step",
-            f"take 12 steps, 12 times as short, {cures.NOT_LINEAR}",
+            f"take 12 steps, 12 times as short, {verdicts.NOT_LINEAR}",
         ),
-        ({"jumps": 0.1}, {"vectors": 0.01}, "start", cures.CAUSES["start"].cure),
+        ({"jumps": 0.1}, {"vectors": 0.01}, "start", verdicts.CAUSES["start"].cure),
     ],
 )
 def test_cures_are_of_the_cause_or_of_what_makes_the_half_width(parts, halves, cause, cure):
     found = row_of(["1e-3"], parts=parts, halves=halves).of[cause]
-    assert found.cure == cure or found.cure == f"{cure}, {cures.AGAIN}"  # where the step's error leaves nothing
+    assert found.cure == cure or found.cure == f"{cure}, {verdicts.AGAIN}"  # where the step's error leaves nothing
 
 
 @pytest.mark.parametrize("check", ["steps", "linearisation of steps", "loads"])
 def test_what_starts_at_once_has_one_cure(check):
     """8 times shorter steps did not help, a smooth start brought 260."""
     row = row_of(parts={"time step": 0.1}, halves={check: 241.0}, beside_steps=(SMOOTHLY,))
-    assert row.of["step"].cure == f"{SMOOTHLY}, {cures.AGAIN}"
+    assert row.of["step"].cure == f"{SMOOTHLY}, {verdicts.AGAIN}"
 
 
 @pytest.mark.parametrize(
@@ -239,11 +239,13 @@ def test_steps_are_as_many_as_the_tolerance_asks_for(limit, cure):
 
 
 def test_steps_fall_with_their_order():
-    assert cures.shorter_steps(0.8, 0.1, cures.Steps(1000, 1.0)) == "take 8,000 steps, 8 times as short"
-    assert cures.shorter_steps(0.8, 0.1, cures.Steps(1000, 3.0)) == "take 2,000 steps, 2 times as short"
-    assert cures.shorter_steps(0.8, 0.1, cures.Steps(None, 0.2)) == "take steps 8 times as short"  # no lower order
-    assert cures.shorter_steps(0.8, None, cures.Steps(1000)) == cures.CAUSES["step"].cure
-    assert cures.shorter_steps(math.inf, 0.1, cures.Steps(10)).endswith(cures.AGAIN)
+    assert verdicts.shorter_steps(0.8, 0.1, verdicts.Steps(1000, 1.0)) == "take 8,000 steps, 8 times as short"
+    assert verdicts.shorter_steps(0.8, 0.1, verdicts.Steps(1000, 3.0)) == "take 2,000 steps, 2 times as short"
+    assert (
+        verdicts.shorter_steps(0.8, 0.1, verdicts.Steps(None, 0.2)) == "take steps 8 times as short"
+    )  # no lower order
+    assert verdicts.shorter_steps(0.8, None, verdicts.Steps(1000)) == verdicts.CAUSES["step"].cure
+    assert verdicts.shorter_steps(math.inf, 0.1, verdicts.Steps(10)).endswith(verdicts.AGAIN)
 
 
 def test_a_share_is_one_of_the_largest_component():

@@ -18,8 +18,8 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.mbs.scenes import found_bodies, recorded_solve
 from exudyn_romerr.report.answers import STATUS, Answer
-from exudyn_romerr.report.cures import CAUSES
 from exudyn_romerr.report.formats import html_page
+from exudyn_romerr.report.verdicts import CAUSES
 from exudyn_romerr.scripts.run import NO_BODY
 
 ROOT = Path(__file__).resolve().parents[2]

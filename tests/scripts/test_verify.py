@@ -21,7 +21,7 @@ from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.verdict_text import reasons, summary
 from exudyn_romerr.report.verdicts import Row, judge
-from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
+from exudyn_romerr.scripts.child_run import ASKS, Request, Result, estimates, run_child
 from exudyn_romerr.scripts.compared import (
     DO_NOT_SHRINK,
     OF_CALL,
@@ -31,7 +31,6 @@ from exudyn_romerr.scripts.compared import (
     UNSETTLED,
     Signal,
     disagreements,
-    estimates,
     rows_of_signal,
     signals,
 )

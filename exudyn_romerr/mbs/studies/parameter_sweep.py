@@ -9,8 +9,7 @@ from exudyn.processing import ParameterVariation
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...sweeps.result_files import ResultFolder, read_result
-from ...sweeps.variations import Failure, Guarded, Sweep, run_on
+from ...sweeps import Failure, Guarded, ResultFolder, Sweep, read_result, run_on
 
 if TYPE_CHECKING:
     import os

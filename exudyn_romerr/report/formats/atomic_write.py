@@ -5,16 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 from uuid import uuid4
 
 from ...errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import BinaryIO
-
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # disk, quota
 

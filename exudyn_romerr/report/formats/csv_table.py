@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from ..data import OutputReport, ReportData
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..wording import SHORT, estimate_scope, under, widest_scope
 from .atomic_write import write_whole
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator
-    from typing import BinaryIO
-
-    from ..data import OutputReport, ReportData
 
 
 def columns(report: ReportData) -> dict[str, np.ndarray]:
@@ -46,9 +42,16 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
     A name that is there already gets " (2)". An unknown bound is inf. Does not cover: causes and node_bound, which
     save() keeps.
     """
+    named = [("load factor" if report.time == "static" else "t [s]", report.t)]
+    for out in report.outputs.values():
+        for row, name in enumerate(out.row_names):
+            named += [(_name(name, what, "", out.unit), x[:, row]) for what, x in series_of(out, report.scope)]
+    for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
+        named += [(f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items()]
     found: dict[str, np.ndarray] = {}
-    for name, x in _named(report):
-        found[name if name not in found else _another(name, found)] = x
+    for name, x in named:
+        others = (other for i in count(2) if (other := f"{name} ({i})") not in found)
+        found[name if name not in found else next(others)] = x
     return found
 
 
@@ -75,16 +78,9 @@ def write_csv(report: ReportData, path: str | os.PathLike) -> None:
     InputError
         The file cannot be written; one that was there is as it was.
     """
-    write_whole(path, lambda stream: _write(report, stream))
-
-
-def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
-    yield "load factor" if report.time == "static" else "t [s]", report.t
-    for out in report.outputs.values():
-        for row, name in enumerate(out.row_names):
-            yield from ((_name(name, what, "", out.unit), x[:, row]) for what, x in series_of(out, report.scope))
-    for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
-        yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
+    table = columns(report)
+    data = csv_bytes(table, zip(*(x.tolist() for x in table.values()), strict=True))
+    write_whole(path, lambda stream: stream.write(data))
 
 
 def _name(*parts: str) -> str:
@@ -132,15 +128,9 @@ def _condition(out: OutputReport, scope: dict[str, str]) -> str:
     return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
-def _another(name: str, found: dict) -> str:
-    return next(other for i in count(2) if (other := f"{name} ({i})") not in found)
-
-
-def _write(report: ReportData, stream: BinaryIO) -> None:
-    table = columns(report)
-    encoding = "utf-8" if all(map(str.isascii, table)) else "utf-8-sig"
-    text = io.TextIOWrapper(stream, encoding=encoding, newline="")
-    writer = csv.writer(text)
-    writer.writerow(table)
-    writer.writerows(zip(*(x.tolist() for x in table.values()), strict=True))
-    text.detach()  # flushed; the stream is not ours to close
+def csv_bytes(head: Iterable[str], lines: Iterable[Sequence[Any]]) -> bytes:
+    """Return a table as CSV in UTF-8, with a byte order mark if it has other letters than English ones."""
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([head, *lines])
+    found = text.getvalue()
+    return found.encode("utf-8" if found.isascii() else "utf-8-sig")  # Excel needs the mark

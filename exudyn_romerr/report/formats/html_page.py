@@ -6,13 +6,15 @@ import base64
 import io
 import os
 import re
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..component_verdicts import limit_of
-from ..data import made_here
+from ..answers import Tolerances
+from ..assessment import limit_of
+from ..data import OutputReport, ReportData, made_here
+from ..judgement import OUTPUT, extent, judged, messages, of_bounds
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.panels import worst_first
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
@@ -29,13 +31,6 @@ from ..wording import (
 )
 from .atomic_write import write_whole
 from .csv_table import series_of
-from .printed_text import OUTPUT, extent, judged, messages, of_bounds
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from ..answers import Tolerances
-    from ..data import OutputReport, ReportData
 
 NUMBER = re.compile(r"\d[\d.]*e[-+]\d+")
 CSS = """
@@ -202,24 +197,22 @@ def _again(report: ReportData) -> Iterator[str]:
 # --- figures ---
 
 
-def components_of(report: ReportData) -> Iterator[tuple[OutputReport, int, str]]:
-    """Yield every row of every output, and its name."""
-    for out in report.outputs.values():
-        yield from ((out, row, name) for row, name in enumerate(out.row_names))
-
-
 def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterator[str]:
     """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
     condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
-    worst, left = _worst(report), []
-    for out, row, name in components_of(report):
-        if (out.name, row) not in worst:
-            left.append(name)
+    rows = [(name, i) for name, out in report.outputs.items() for i in range(len(out.row_names))]
+    worst = worst_first(report, rows)
+    firsts = {name: (name, i) for name, i in reversed(worst)}.values()
+    worst, left = sorted(worst, key=lambda row: row not in firsts)[:MOST], []
+    for name, i in rows:
+        out, title = report.outputs[name], report.outputs[name].row_names[i]
+        if (name, i) not in worst:
+            left.append(title)
             continue
         text = escape(
-            f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
+            f"{title}: signal; error over time{'; where the bound comes from' * _has_causes(out, i)}{condition}"
         )
-        source = _picture(report, out.name, row, tolerances)
+        source = _picture(report, name, i, tolerances)
         yield f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'
     if left:
         yield paragraph(
@@ -227,13 +220,6 @@ def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterato
             f"what was not asked for last. Not drawn: {', '.join(left)}. "
             'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
         )
-
-
-def _worst(report: ReportData) -> list[tuple[str, int]]:
-    """At most MOST rows: the worst of as many outputs as there is room for, then others."""
-    rows = worst_first(report, [(out.name, row) for out, row, _ in components_of(report)])
-    firsts = {name: (name, row) for name, row in reversed(rows)}.values()
-    return sorted(rows, key=lambda row: row not in firsts)[:MOST]
 
 
 def _has_causes(out: OutputReport, row: int) -> bool:

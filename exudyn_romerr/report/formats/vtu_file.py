@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Any
+import os
+from collections.abc import Iterator
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -11,14 +13,9 @@ import numpy as np
 from ...checks import check_choice
 from ...errors import InputError
 from ...model.solid_elements import VERTEX, cells_of
+from ..data import NodeFields, ReportData
 from ..wording import sharpest_at_nodes, under
 from .atomic_write import write_whole
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator
-
-    from ..data import NodeFields, ReportData
 
 HEAD = (
     '<?xml version="1.0"?>\n'

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from itertools import combinations
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
+from ..data import ReportData
 from ..scope import NOT_CERTIFIED
 from ..wording import axis_label, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
 from .style import COLOURS, THIN, WIDE, largest_finite, picture
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable
-
-    from ..data import ReportData
 
 SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
 TICKS = 5  # along the longest edge

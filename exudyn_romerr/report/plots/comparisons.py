@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
-from ..cures import CAUSES
 from ..verdict_text import TITLES, by_sensor
+from ..verdicts import CAUSES, Row
 from ..wording import axis_label
 from .style import (
     CAUSE_STYLES,
@@ -24,12 +25,6 @@ from .style import (
     put_title,
     save,
 )
-
-if TYPE_CHECKING:
-    import os
-
-    from ..verdicts import Row
-
 
 # colour, hatch
 OF_CAUSES = dict(
@@ -124,22 +119,18 @@ def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
     table : Tuning.table, of runs and forecasts
     title : above it
     """
-    known = [line for line in table if line["ratio"]]
-    kinds = {
-        "run": ({"color": COLOURS["auxiliary"]}, lambda line: line["how"] == "run"),
-        "forecast": ({"color": COLOURS["auxiliary"], "mfc": "none"}, lambda line: line["how"] == "forecast"),
-        "found": (
-            {"color": COLOURS["error"], "mfc": "none", "markersize": 14},
-            lambda line: line["is_found"] and line["how"] == "run",
-        ),
-    }
-    for label, (style, is_one) in kinds.items():
-        at = [(line["cpu_s"], 100 * line["ratio"]) for line in known if is_one(line)]
-        ax.plot(*np.reshape(at, (-1, 2)).T, "o", label=label, **style)
+    points = [(line, (line["cpu_s"], 100 * line["ratio"])) for line in table if line["ratio"]]
+    runs, forecasts = ([x for x in points if x[0]["how"] == how] for how in ("run", "forecast"))
+    found, colour = [x for x in runs if x[0]["is_found"]], COLOURS["auxiliary"]
+    for label, of, style in (
+        ("run", runs, {"color": colour}),
+        ("forecast", forecasts, {"color": colour, "mfc": "none"}),
+        ("found", found, {"color": COLOURS["error"], "mfc": "none", "markersize": 14}),
+    ):
+        ax.plot(*np.reshape([at for _, at in of], (-1, 2)).T, "o", label=label, **style)
     ax.axhline(100, color="#555555", linestyle="--", linewidth=WIDE, label="tolerance")
-    for k, line in enumerate(known):
-        text = f"{', '.join(map(str, line['numbers'])) or '-'} | {line['steps']}"
-        _write_beside(ax, text, (line["cpu_s"], 100 * line["ratio"]), k, "x-small")
+    for k, (line, at) in enumerate(points):
+        _write_beside(ax, f"{', '.join(map(str, line['numbers'])) or '-'} | {line['steps']}", at, k, "x-small")
     ax.set(xscale="log", yscale="log", xlabel="CPU time of the solves / s", ylabel="largest error / tolerance in %")
     _plain_numbers(ax.xaxis, ax.yaxis)
     ax.margins(0.2)
@@ -247,19 +238,26 @@ def plot_verdicts(rows: Sequence[Row], path: str | os.PathLike, title: str = "Er
     axes, width = figure.subplots(), BAR / max(len(causes), 1)
     for k, cause in enumerate(causes):
         _draw_cause(axes, sensors, cause, (k - (len(causes) - 1) / 2) * width, width)
-    _draw_whole(axes, sensors)
+    places = np.arange(len(sensors))
+    estimated = {i: row.estimated.size for i, row in enumerate(sensors) if row.estimated and row.estimated.size}
+    if estimated:
+        shares = [_share(sensors[i], size) for i, size in estimated.items()]
+        axes.plot([*estimated], shares, "kD", markersize=5, label="whole error, estimated")
+    if asked := [i for i in places if sensors[i].limit.is_asked and sensors[i].tolerance]:
+        shares, at = [_share(sensors[i], sensors[i].tolerance) for i in asked], np.array(asked)
+        style = {"colors": COLOURS["tolerance"], "linewidth": 2.5, "label": "tolerance"}
+        axes.hlines(shares, at - BAR / 2, at + BAR / 2, **style)
     if any(row.of[cause].half_width is None for row in sensors for cause in causes if _known(row, cause)):
         axes.plot([], [], "^", color="0.3", label="that or more")
     axes.set(yscale="log", ylabel="error / largest value of the sensor in %")
     turn = {"rotation": 20, "ha": "right"} if len(sensors) > 4 else {}
-    axes.set_xticks(range(len(sensors)), [row.label or row.name for row in sensors], **turn)
+    axes.set_xticks(places, [row.label or row.name for row in sensors], **turn)
     axes.grid(axis="y", alpha=0.4)
     axes.set_axisbelow(True)
     put_title(figure, title)
     if entries := len(axes.get_legend_handles_labels()[1]):  # none where nothing is known
         figure.legend(loc="outside lower center", ncols=max(2, -(-entries // 2)), fontsize="small", frameon=False)
-    save(figure, path)
-    return figure
+    return save(figure, path)
 
 
 def _draw_cause(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: float) -> None:
@@ -276,19 +274,6 @@ def _draw_cause(axes: Any, sensors: Sequence[Row], cause: str, offset: float, wi
             below = np.minimum(halves, 0.9 * sizes)  # a logarithm has no zero
             above = sizes if style.get("lolims") else halves
             axes.errorbar(at, sizes, [below, above], fmt="none", color="0.3", **style)
-
-
-def _draw_whole(axes: Any, sensors: Sequence[Row]) -> None:
-    """The estimate of the whole error as a diamond, the tolerance that was given as a line at the sensor's place."""
-    estimated = {i: row for i, row in enumerate(sensors) if row.estimated is not None and row.estimated.size}
-    if estimated:
-        shares = [_share(row, row.estimated.size) for row in estimated.values()]
-        axes.plot([*estimated], shares, "kD", markersize=5, label="whole error, estimated")
-    asked = {i: row for i, row in enumerate(sensors) if row.limit.is_asked and row.tolerance}
-    if asked:
-        shares, at = [_share(row, row.tolerance) for row in asked.values()], np.array([*asked])
-        style = {"colors": COLOURS["tolerance"], "linewidth": 2.5, "label": "tolerance"}
-        axes.hlines(shares, at - BAR / 2, at + BAR / 2, **style)
 
 
 def _share(row: Row, x: float) -> float:

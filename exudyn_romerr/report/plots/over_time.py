@@ -1,21 +1,27 @@
-"""Pictures of a report over time: signal with its band, bounds, causes. Matplotlib is imported when one is drawn."""
+"""Pictures of a report over time: signal with its band, bounds, causes; bands on axes of others."""
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 
 from ...checks import check_count
+from ...errors import InputError
 from ...linear.estimators.causes import BY_STEPS, RESOLVED
+from ...linear.residual.samples import SAME_TIMES
+from ..data import ReportData
 from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit
 from .style import (
     CAUSE_STYLES,
     COLOURS,
+    LOOKS,
     OF_BOUND,
     OF_HALF_WIDTH,
+    OTHERS,
     THIN,
     WIDE,
     finish,
@@ -26,22 +32,17 @@ from .style import (
     limits_of_errors,
     limits_of_signal,
     log_line,
-    look_of,
     mark_zeros,
     quantity,
     spread,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ..data import ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
 BAR = 12  # points: how wide a band is at a single instant
 EDGE = 2.0  # points: of a band that is narrower than the line in it this much is seen beside the line
 PALE, FULL = 0.15, 0.35  # how much of its colour a band has
+SAME_VALUES = 1e-6  # of the largest: sensor files have 10 digits; a factor between units is 10 at least
 WHOLE, OF_MODES = "error", "error of the modes"
 
 
@@ -67,31 +68,31 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     of = _Row(report, name, row)
     t, value, bound, guess = of.t, of.value, of.best, of.best_guess()
     lines = [value] if of.error is None else [value, value + of.error]
-    bands = [((value - bound, value + bound), OF_BOUND)] if of.bound_covers_all else []
+    bands, shown, notes = [], ["reduced model"], []
+    if of.bound_covers_all:
+        bands, shown, notes = [(value, bound, OF_BOUND)], [*shown, "bound"], [infinite(t, bound, "", of.axis)]
     if guess is not None:
         what, y, half, label = guess
-        bands += [((y, y), OF_BOUND), ((y - half, y + half), OF_HALF_WIDTH)]
+        bands, shown = [*bands, (y, 0.0 * y, OF_BOUND), (y, half, OF_HALF_WIDTH)], [*shown, what]
     limits, leaves = limits_of_signal(lines, bands)
     dots = "o" if len(t) == 1 else None  # a single instant has no line
     ax.plot(t, value, color=COLOURS["value"], marker=dots, label="reduced model")
     if of.bound_covers_all and np.isfinite(bound).any():
         said = f"± bound{of.doubt}, {of.most(bound)}{', cut off' * leaves[0]}"
-        _band(ax, t, value, bound, of.colour_of_best(), said, FULL)
+        _band(ax, t, value - bound, value + bound, of.colour_of_best(), FULL, label=said)
     if guess is not None:
-        style = {"color": COLOURS["estimate"], "label": f"{label}{', cut off' * any(leaves[-2:])}"}
+        label = f"{label}{', cut off' * any(leaves[-2:])}"
         # wider than the band of the bound it would hide that one
         below = not of.bound_covers_all or bool(np.max(half) > np.max(bound))
-        _band(ax, t, y, half, *style.values(), PALE, zorder=0.9 if below else 1)
-        ax.plot(t, y, linestyle=GAPS, marker=dots, **style)
+        _band(ax, t, y - half, y + half, COLOURS["estimate"], PALE, label=label, zorder=0.9 if below else 1)
+        ax.plot(t, y, color=COLOURS["estimate"], linestyle=GAPS, marker=dots, label=label)
     if of.error is not None:
         ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=dots, label="truth")
     if limits is not None:
         ax.set_ylim(*limits)
-    *shown, last = ["reduced model", *["bound"] * of.bound_covers_all, *([what] if guess is not None else [])]
-    shown[-1:] = [" and ".join([*shown[-1:], last])]
-    title = f"{of.name}: {', '.join(shown)}{of.said_of_bounds * of.bound_covers_all}"
+    said = ", ".join([*shown[:-2], " and ".join(shown[-2:])])
     ax.set(xlabel=quantity(*of.axis), ylabel=quantity(of.name, of.unit))
-    finish(ax, title, [infinite(t, bound, "", of.axis)] if of.bound_covers_all else [])
+    finish(ax, f"{of.name}: {said}{of.said_of_bounds * of.bound_covers_all}", notes)
 
 
 def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance: float | None = None) -> None:
@@ -103,29 +104,33 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     of = _Row(report, name, row)
     kind, bounds, estimate, notes = of.same_error()
     tolerance = of.out.tolerance if tolerance is None else tolerance
-    error = None if of.error is None else _visible(np.abs(of.error), of.value)
-    known = [] if estimate is None else [np.abs(estimate[0])]
-    known += [x for x in (error, None if tolerance is None else np.array([tolerance])) if x is not None]
-    bands = {} if estimate is None else {"half width": np.abs(estimate[0]) + estimate[1]}
-    limits = limits_of_errors({**bounds, **bands}, known, largest(of.value))
+    known, wide = [], dict(bounds)
+    if estimate is not None:
+        known, wide = [np.abs(estimate[0])], {**bounds, "half width": np.abs(estimate[0]) + estimate[1]}
+    if of.error is not None:
+        # without what is rounding of the value: of a first instant, say, which would set the axis, 1e-25 m
+        error, rounding = np.abs(of.error), np.finfo(float).eps * largest(of.value)
+        known.append(np.where((error > 0) & (error < rounding), np.nan, error))
+    limits = limits_of_errors(
+        wide, [*known, *([] if tolerance is None else [np.array([tolerance])])], largest(of.value)
+    )
     for place, (e, bound) in enumerate(bounds.items()):
-        colour, line, marker = look_of(e)
+        colour, line, marker = LOOKS.get(e, OTHERS)
         style = {"linestyle": line, "marker": marker, "every": spread(len(of.t), place), "markersize": 5}
         label = f"bound '{e}'{of.doubt}" if len(bounds) > 1 else f"bound{of.doubt}, {of.most(bound)}"
         log_line(ax, of.t, bound, color=colour, linewidth=WIDE, label=label, **style)
     if estimate is not None:
         _estimate(ax, of, *estimate, limits)
     thin = {"linewidth": THIN, "marker": ".", "every": ()}
-    if error is not None:
-        log_line(ax, of.t, error, label="|true error|", color=COLOURS["error"], **thin)
+    if of.error is not None:
+        log_line(ax, of.t, known[-1], label="|true error|", color=COLOURS["error"], **thin)
     if bounds and of.out.at_round_off()[row]:
         style = {"color": "#777777", "linestyle": ":", "label": "rounding: nothing below is known"}
         log_line(ax, of.t, of.out.round_off[:, row], **style, **thin)
     if tolerance is not None:
         ax.axhline(tolerance, color=COLOURS["tolerance"], linestyle=(0, (8, 2, 2, 2)), label="tolerance")
     ax.set(xlabel=quantity(*of.axis), ylabel=quantity(f"{kind} of {of.name}", of.unit), yscale="log", ylim=limits)
-    unseen = [*_unseen(of, bounds, limits), *notes]
-    finish(ax, f"{of.name}: {kind}{of.said_of_bounds if bounds else ''}", unseen)
+    finish(ax, f"{of.name}: {kind}{of.said_of_bounds if bounds else ''}", [*_unseen(of, bounds, limits), *notes])
 
 
 def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
@@ -156,8 +161,8 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=label)
     ax.set(xlabel=quantity(*of.axis), ylabel="share of the bound / %", ylim=(0, 100))
     ax.margins(x=0.01)
-    title = f"{of.name}: what the bound of the {of.kind_of_bound} comes from{of.said_of_bounds}"
-    finish(ax, title, [infinite(t, best, "", of.axis)])
+    what = f"what the bound of the {of.kind_of_bound} comes from{of.said_of_bounds}"
+    finish(ax, f"{of.name}: {what}", [infinite(t, best, "", of.axis)])
 
 
 class _Row:
@@ -182,26 +187,21 @@ class _Row:
         self._has_same_scope = covered == of_bound
         # an estimate of all that the bound is of, or of more
         self._has_estimate = out.estimate is not None and SCOPES.index(covered) <= SCOPES.index(of_bound)
+        has_steps_alone = report.time == "sampled" and covers_time(out, report.time)
+        # whether the bound is of all that the estimate is of, the whole error if there is no estimate
+        self.bound_covers_all = not self._has_estimate or (self._has_same_scope and not has_steps_alone)
+        # by estimator, of those that cover most
+        self.bounds = {e: out.bound[e][:, row] for e in widest(report.scope) if e in out.bound}
 
     def most(self, bound: np.ndarray) -> str:
         """How large a bound gets, in the unit of the axis."""
         return largest_in_words(bound, "", "up to" if self.out.uncertified else "at most")
 
-    @cached_property
-    def bounds(self) -> dict[str, np.ndarray]:
-        """By estimator, of those that cover most."""
-        return {e: self.out.bound[e][:, self.row] for e in widest(self.report.scope) if e in self.out.bound}
-
     def colour_of_best(self) -> str:
         """That of the sharpest of the bounds that the best one is made of."""
         of = self.bounds
-        return look_of(min(of, key=lambda e: (np.count_nonzero(np.isinf(of[e])), largest_finite(of[e]))))[0]
-
-    @cached_property
-    def bound_covers_all(self) -> bool:
-        """Whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
-        has_steps_alone = self.report.time == "sampled" and covers_time(self.out, self.report.time)
-        return not self._has_estimate or (self._has_same_scope and not has_steps_alone)
+        sharpest = min(of, key=lambda e: (np.count_nonzero(np.isinf(of[e])), largest_finite(of[e])))
+        return LOOKS.get(sharpest, OTHERS)[0]
 
     def best_guess(self) -> tuple[str, np.ndarray, np.ndarray, str] | None:
         """What it is, best guess of the full model's output, half width, label; where proved the corrected output."""
@@ -245,19 +245,14 @@ class _Row:
         return WHOLE, {}, whole, (f"bound {why}{self.doubt}: not drawn",)
 
 
-def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """|error| without what is rounding of the value: of a first instant, say, which would set the axis, 1e-25 m."""
-    return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
-
-
 def _estimate(ax: Any, of: _Row, estimate: np.ndarray, half: np.ndarray, limits: tuple | None) -> None:
     """|estimate| as a dashed line in a band, which leaves the axis where it goes to zero: a logarithm has none."""
     size, label = np.abs(estimate), f"|estimate|{of.within(estimate, half)}"
-    style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
     is_known = np.isfinite(half) & (size + half > 0)
     if is_known.any():
-        low, high = (np.where(is_known, x, 1.0) for x in (np.maximum(size - half, limits[0] / 2), size + half))
-        _fill(ax, of.t, low, high, is_known, label=label, **_look(COLOURS["estimate"], PALE))
+        high = np.where(is_known, size + half, np.nan)
+        _band(ax, of.t, np.maximum(size - half, limits[0] / 2), high, COLOURS["estimate"], PALE, label=label)
+    style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
     log_line(ax, of.t, size, label=label, zorder=2.5, **style)  # above the other lines
 
 
@@ -275,20 +270,12 @@ def _within(half: np.ndarray) -> str:
     return f" {largest_in_words(half, '', '±')}" if np.isfinite(half).any() else ", half width not known"
 
 
-def _band(
-    ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str, alpha: float, **more
-) -> None:
-    """Middle ± bound where that is finite."""
-    known = np.isfinite(bound)
-    low, high = (np.where(known, middle + sign * bound, middle) for sign in (-1, 1))
-    _fill(ax, t, low, high, known, label=label, **_look(colour, alpha), **more)
-
-
-def _look(colour: str, alpha: float) -> dict[str, Any]:
-    """A band's colours: its edges are seen where it is narrow, too."""
+def _band(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, colour: str, alpha: float, **more: Any) -> None:
+    """A pale area where it is finite; its edges are seen where it is narrow, too."""
     from matplotlib.colors import to_rgba
 
-    return {"facecolor": to_rgba(colour, alpha), "edgecolor": to_rgba(colour, 2 * alpha), "linewidth": EDGE}
+    look = {"facecolor": to_rgba(colour, alpha), "edgecolor": to_rgba(colour, 2 * alpha), "linewidth": EDGE}
+    _fill(ax, t, low, high, np.isfinite(high), **look, **more)
 
 
 def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:
@@ -305,3 +292,73 @@ def _percent(share: float) -> str:
     if 0 < share < 0.5:
         return "< 1 %"
     return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
+
+
+# --- on axes of others, such as those of Exudyn's PlotSensor ---
+
+
+def add_bands(plotted: Any, report: ReportData, name: str, components: int | Sequence[int] = 0) -> list[Any]:
+    """Draw value ± bound around the lines of an output, in their colours: the full model lies in between.
+
+    Parameters
+    ----------
+    plotted : matplotlib axes, or what mbs.PlotSensor(...) returned
+        One line shows each component over time.
+    report : BoundReport
+    name : str
+        Of an output.
+    components : int or sequence of int
+        Rows of the output, numbered from 0 as in PlotSensor.
+
+    Returns
+    -------
+    list of matplotlib.collections.PolyCollection
+
+    Raises
+    ------
+    InputError
+        Unknown output or component; no line shows it (plotted with factors= or offsets=, another run).
+
+    Notes
+    -----
+    A legend that is there is made anew; a band drawn before around the same line is replaced. Does not cover:
+    instants at which the bound is infinite; nothing is drawn.
+    """
+    ax = plotted[2] if isinstance(plotted, list | tuple) and len(plotted) == 4 else plotted
+    if not hasattr(ax, "fill_between"):
+        raise InputError(f"plotted is a {type(ax).__name__}; needed: axes, or what mbs.PlotSensor returned")
+    names, bands = report.output(name).row_names, []
+    rows = [components] if isinstance(components, Integral) else components
+    if not isinstance(rows, Sequence) or not all(isinstance(i, Integral) and 0 <= i < len(names) for i in rows):
+        raise InputError(f"components={components!r}; allowed: numbers in 0..{len(names) - 1}")
+    for of in (_Row(report, name, row) for row in rows):
+        line = next((line for line in ax.get_lines() if _shows(line, of.t, of.value)), None)
+        if line is None:
+            raise InputError(
+                f"no line of these axes shows {of.name} over time; plot the sensor that the output was made of, of "
+                "the same run, without factors= and offsets="
+            )
+        most = largest_in_words(of.best, of.unit, "bound up to" if of.out.uncertified else "at most")
+        label = f"{of.name} ± {most}{under(report.scope, doubts=of.out.uncertified)}"
+        key = f"band of {of.name} around line {ax.get_lines().index(line)}"
+        for older in [x for x in ax.collections if x.get_gid() == key]:
+            older.remove()
+        style = {"color": line.get_color(), "alpha": FULL, "linewidth": 0, "label": label, "gid": key}
+        bands.append(ax.fill_between(of.t, of.value - of.best, of.value + of.best, **style))
+    # into the legend that is there: PlotSensor's belongs to the figure
+    if ax.get_legend() is not None:
+        ax.legend()
+    if legends := list(ax.figure.legends):
+        for legend in legends:
+            legend.remove()
+        ax.figure.legend()
+    return bands
+
+
+def _shows(line: Any, t: np.ndarray, value: np.ndarray) -> bool:
+    x, y = (np.asarray(data, dtype=float) for data in line.get_data())
+    x, y = x[x >= t[0]], y[x >= t[0]]  # bounds may begin a step later
+    at = np.clip(np.searchsorted(t, x - SAME_TIMES * np.ptp(t)), 0, len(t) - 1)
+    if not x.size or np.any(np.abs(t[at] - x) > SAME_TIMES * np.ptp(t)):
+        return False
+    return bool(np.all(np.abs(value[at] - y) <= SAME_VALUES * np.max(np.abs(value))))

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable, Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
-from ..component_verdicts import limit_of
-from ..data import is_beside
-from ..wording import for_run_alone, not_certified
+from ..answers import Tolerances
+from ..assessment import limit_of
+from ..data import OutputReport, ReportData, is_beside
+from ..wording import for_run_alone, largest, listed, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, put_legend, put_title, save
-
-if TYPE_CHECKING:
-    from ..answers import Tolerances
-    from ..data import OutputReport, ReportData
 
 HARDLY = 0.01  # of the largest change of an output's rows: a row that changes less is not the one that is looked at
 PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 3  # so many have a second pair of axes with their errors
 SCREEN = (10.0, 8.0)  # inches, the largest picture
-NOTE, NAMES = 15, 8  # letters in an inch of the notes; so many names are in them
+NOTE = 15  # letters in an inch of the notes
 NO_SCRIPT = re.compile(r"ipykernel|__")  # what runs a user's cells, or was run with python -m
 
 
@@ -51,40 +49,70 @@ def plot_report(
     InputError
         No or unknown outputs; a path that no picture can be written to.
     """
-    rows, left_out = _chosen(report, list(report.outputs) if outputs is None else outputs)
-    figure, panels = _panels(len(rows), 2 if len(rows) <= DETAILED else 1)
-    for (name, i), (signal, *error) in zip(rows, panels, strict=True):
+
+    def draw(panel: Sequence[Any], name: str, i: int) -> None:
+        signal, *error = panel
         draw_signal(signal, report, name, i)
         for ax in error:
             limit = limit_of(report.output(name), tolerances)
             draw_bounds(ax, report, name, i, limit.size if limit.is_asked else None)
             signal.sharex(ax)
-    return _framed(figure, report, _question(report), rows, _note(left_out, "smaller bounds or estimates"), path)
+
+    return _plot(report, path, outputs, draw, 2, _question(report), "smaller bounds or estimates")
 
 
 @of_one_size
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
     bounded = [name for name, out in report.outputs.items() if np.isfinite(out.bound["best"]).any()]
-    rows, left_out = _chosen(report, (bounded or list(report.outputs)) if outputs is None else outputs)
-    figure, panels = _panels(len(rows), 1)
-    for (name, i), (ax,) in zip(rows, panels, strict=True):
-        draw_causes(ax, report, name, i)
     script = _script(report)
     title = f"{script}{'w' if script else 'W'}hat do the bounds come from?"
-    return _framed(figure, report, title, rows, _note(left_out, "smaller bounds"), path)
+    outputs = bounded if outputs is None else outputs
+    return _plot(
+        report, path, outputs, lambda panel, *of: draw_causes(*panel, report, *of), 1, title, "smaller bounds"
+    )
 
 
-def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[str, int]], list[str]]:
-    """Return the rows that are drawn, and the names of the others."""
+def _plot(
+    report: ReportData,
+    path: str | os.PathLike | None,
+    outputs: str | Sequence[str] | None,
+    draw: Callable[[Sequence[Any], str, int], None],
+    high: int,
+    title: str,
+    smaller: str,
+) -> Any:
+    """Title above, draw(axes, output, row) in each panel, notes below all; saved to path.
+
+    outputs : those to choose from; none: all. high : axes in a panel, if there is room. smaller : what others have.
+    Times stand at the lowest of axes above one another alone.
+    """
     names = list(dict.fromkeys([outputs] if isinstance(outputs, str) else outputs or report.outputs))
-    rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
-    if not rows:
+    of_all = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
+    if not of_all:
         raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
-    kept = rows if len(names) == 1 else [(name, _worst_row(report.output(name))) for name in names]
-    worst = worst_first(report, kept)[:PANELS]
-    left_out = [report.outputs[name].row_names[i] for name, i in rows if (name, i) not in worst]
-    return [row for row in kept if row in worst], left_out
+    rows = of_all if len(names) == 1 else [(name, _worst_row(report.outputs[name])) for name in names]
+    worst = worst_first(report, rows)[:PANELS]
+    rows = [row for row in rows if row in worst]
+    figure, panels = _panels(len(rows), high if len(rows) <= DETAILED else 1)
+    for (name, i), panel in zip(rows, panels, strict=True):
+        draw(panel, name, i)
+    put_title(figure, title)
+    doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.outputs[name].uncertified)
+    condition = for_run_alone(report.scope)
+    notes = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}"]
+    of_others = (report.outputs[name].row_names[i] for name, i in of_all if (name, i) not in worst)
+    if others := listed([name.replace(" ", "\N{NO-BREAK SPACE}") for name in of_others]):
+        why = f"{smaller} for their size, none, or not asked for"
+        notes.append(f"Not shown ({why}): {others}; outputs= chooses")
+    if any(notes):
+        width = int(NOTE * figure.get_figwidth())
+        figure.supxlabel("\n".join(fill(note, width) for note in notes if note), fontsize="small")
+    for ax in figure.axes:
+        if not ax.get_subplotspec().is_last_row():
+            ax.set_xlabel("")
+            put_legend(ax)
+    return save(figure, path)
 
 
 def worst_first(report: ReportData, rows: list[tuple[str, int]]) -> list[tuple[str, int]]:
@@ -94,10 +122,8 @@ def worst_first(report: ReportData, rows: list[tuple[str, int]]) -> list[tuple[s
     """
 
     def rank(row: tuple[str, int]) -> tuple[bool, bool, float]:
-        out = report.outputs[row[0]]
-        error, largest = _error(out, row[1]), np.max(np.abs(out.value))
-        size = error / largest if largest > 0 else error
-        return not is_beside(report, out.name), not out.at_round_off()[row[1]], size
+        out, error = report.outputs[row[0]], _error(report.outputs[row[0]], row[1])
+        return not is_beside(report, out.name), not out.at_round_off()[row[1]], error / (largest(out.value) or 1.0)
 
     return sorted(rows, key=rank, reverse=True)
 
@@ -121,37 +147,8 @@ def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
     shape = (count // columns, columns) if high == 1 else (count, 2) if count > columns else (2, count)
     figure = new_figure(*np.minimum(SCREEN, (SIZE[0] * shape[1], SIZE[1] * shape[0])))
     axes = figure.subplots(*shape, squeeze=False)
-    if high == 1:
-        return figure, axes.reshape(count, 1)
-    return figure, axes if count > columns else axes.T  # three signals have their errors beside them
-
-
-def _framed(
-    figure: Any,
-    report: ReportData,
-    title: str,
-    rows: list[tuple[str, int]],
-    left_out: str,
-    path: str | os.PathLike | None,
-) -> Any:
-    """Title above, notes below all panels; times at the lowest of those above one another alone. Save it to path.
-
-    The notes: what bounds leave out, why they are not certified, what is not drawn.
-    """
-    put_title(figure, title)
-    doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.outputs[name].uncertified)
-    condition = for_run_alone(report.scope)
-    notes = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}", left_out]
-    width = int(NOTE * figure.get_figwidth())
-    if any(notes):
-        figure.supxlabel("\n".join(fill(note, width) for note in notes if note), fontsize="small")
-    for ax in figure.axes:
-        if not ax.get_subplotspec().is_last_row():
-            ax.set_xlabel("")
-            put_legend(ax)
-    if path is not None:
-        save(figure, path)
-    return figure
+    # three signals have their errors beside them
+    return figure, axes.reshape(count, 1) if high == 1 else axes if count > columns else axes.T
 
 
 def _script(report: ReportData) -> str:
@@ -168,12 +165,3 @@ def _question(report: ReportData) -> str:
     modes, its = (f"{found[0]} modes", "") if len(found) == 1 else ("its modes", "its ")
     steps = "" if report.time == "static" else f" and {its}{len(report.t) - 1:,} steps"
     return f"{_script(report)}how wrong are {modes}{steps}?"
-
-
-def _note(left_out: list[str], smaller: str) -> str:
-    if not left_out:
-        return ""
-    names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
-    more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    why = f"{smaller} for their size, none, or not asked for"
-    return f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses"

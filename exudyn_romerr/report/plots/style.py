@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ..formats.atomic_write import write_whole
 from ..wording import axis_label, rounded_up, with_unit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
 
 LETTERS = 10  # points
 # Okabe and Ito, and two of Tol for what these leave open: told apart by the colour-blind; line styles, markers and
@@ -57,11 +55,6 @@ DEEP = 1e-4  # of the lowest curve's largest value: what is lower, at first inst
 ZERO = "zero"  # marked at the lower edge of a logarithmic axis
 
 
-def look_of(e: str) -> tuple[str, Any, str]:
-    """Return colour, line and marker of an estimator."""
-    return LOOKS.get(e, OTHERS)
-
-
 def of_one_size(make: Callable) -> Callable:
     """Let a function make its picture with our size of letters: Exudyn's PlotSensor sets another for the process."""
 
@@ -82,18 +75,21 @@ def new_figure(width: float = SIZE[0], height: float = SIZE[1]) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save(figure: Any, path: str | os.PathLike) -> None:
-    """Write a picture, PNG, SVG or PDF by the ending of its name, whole or not at all.
+def save(figure: Any, path: str | os.PathLike | None) -> Any:
+    """Return a picture, written to path if there is one: PNG, SVG or PDF by its ending, whole or not at all.
 
     Raises
     ------
     InputError
         An ending that matplotlib has no format for, or a file that cannot be written.
     """
+    if path is None:
+        return figure
     ending, known = os.path.splitext(os.fspath(path))[1][1:].lower(), figure.canvas.get_supported_filetypes()
     if ending not in known:
         raise InputError(f"path={os.fspath(path)!r} ends in no format of pictures; use .png, .svg or .pdf")
     write_whole(path, lambda stream: figure.savefig(stream, format=ending, dpi=DPI))
+    return figure
 
 
 @of_one_size
@@ -103,9 +99,7 @@ def picture(
     """Return a figure with one pair of axes that draw(ax, *arguments, **options) filled; save it if path is given."""
     figure = new_figure() if projection is None else new_figure(height=SIZE[0] * 0.75)
     draw(figure.add_subplot(projection=projection), *arguments, **options)
-    if path is not None:
-        save(figure, path)
-    return figure
+    return save(figure, path)
 
 
 def log_line(ax: Any, x: np.ndarray, y: np.ndarray, every: Iterable[int] | None = None, **style: Any) -> None:
@@ -164,9 +158,9 @@ def finish(ax: Any, title: str, notes: Iterable[str] = ()) -> None:
     ax.tick_params(labelsize=LETTERS)  # of ticks that are made later, too
     if isinstance(ax.xaxis.get_major_locator(), AutoLocator):
         ax.locator_params(axis="x", nbins=TICKS)
-    width = int(_room(ax) / LETTER)
     lines = filter(None, [title, "; ".join(filter(None, notes))])
-    ax.set_title("\n".join(fill(line, width, break_on_hyphens=False) for line in lines), fontsize=LETTERS)
+    filled = (fill(line, int(_room(ax) / LETTER), break_on_hyphens=False) for line in lines)
+    ax.set_title("\n".join(filled), fontsize=LETTERS)
     put_legend(ax)
 
 
@@ -187,17 +181,13 @@ def put_legend(ax: Any) -> None:
     down = ScaledTranslation(0, -(BELOW if ax.get_xlabel() else BARE), ax.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": ax.transAxes + down}
     handles = [tuple(of) if of[1:] else of[0] for of in entries.values()]
-    for columns, size in _shapes(len(entries)):
+    count, few = len(entries), -(-len(entries) // LINES)
+    shapes = ((columns, size) for size in ("small", "x-small") for columns in ((count, few) if count < 4 else (few,)))
+    for columns, size in shapes:  # the best first
         style = {"ncols": columns, "fontsize": size, "columnspacing": 1.2, "borderaxespad": 0, "frameon": False}
         legend = ax.legend(handles, list(entries), **style, **place)
         if legend.get_window_extent().width <= _room(ax) * ax.figure.dpi:
             break
-
-
-def _shapes(count: int) -> list[tuple[int, str]]:
-    """Columns and size of letters of a legend of so many entries, the best first."""
-    few = -(-count // LINES)
-    return [(columns, size) for size in ("small", "x-small") for columns in ((count, few) if count < 4 else (few,))]
 
 
 def _room(ax: Any) -> float:
@@ -210,17 +200,18 @@ def _room(ax: Any) -> float:
 
 
 def limits_of_signal(
-    lines: Sequence[np.ndarray], bands: Sequence[tuple[tuple[np.ndarray, np.ndarray], float]]
+    lines: Sequence[np.ndarray], bands: Sequence[tuple[np.ndarray, np.ndarray, float]]
 ) -> tuple[tuple[float, float] | None, list[bool]]:
     """Return limits of an axis on which lines can be read, and which of the bands leave it; None: none does.
 
-    bands : (low, high), and how many times as wide as what is shown so far a band may be.
+    bands : middle, half width, and how many times as wide as what is shown so far a band may be.
     """
     low, high = min(map(np.min, lines)), max(map(np.max, lines))
     leaves = []
-    for (below, above), factor in bands:
-        known = np.isfinite(below) & np.isfinite(above)
-        least, most = (f(x, where=known, initial=of) for f, x, of in ((np.min, below, low), (np.max, above, high)))
+    for middle, half, factor in bands:
+        known = np.isfinite(middle + half)
+        least = np.min(middle - half, where=known, initial=low)
+        most = np.max(middle + half, where=known, initial=high)
         leaves.append(bool(most - least > factor * (high - low) > 0))
         low, high = (low, high) if leaves[-1] else (least, most)
     margin = MARGIN * (high - low)

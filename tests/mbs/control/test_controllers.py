@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr.report.component_verdicts import steps_of
+from exudyn_romerr.report.assessment import steps_of
 from models import controlled_arm, mechanisms
 from models.controlled_arm import LENGTH, STEP, STEPS, add_load, add_spring, arm, controlled, pd, set_point, truth
 from tests.helpers import tolerances as tol

@@ -14,8 +14,8 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, ToleranceCheck
-from exudyn_romerr.report.cures import MORE_VECTORS
 from exudyn_romerr.report.scope import SMOOTHLY
+from exudyn_romerr.report.verdicts import MORE_VECTORS
 from models import floating, mechanisms, output_truths
 from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import (

@@ -22,7 +22,7 @@ from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
 from exudyn_romerr.mechanism.scheme import Scheme
-from exudyn_romerr.report.component_verdicts import rows_of
+from exudyn_romerr.report.assessment import rows_of
 from models import floating
 from models.robot_arm import robot_arm
 from tests.helpers.observed import flexes, shown

@@ -18,7 +18,7 @@ from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
 from exudyn_romerr.mbs.monitoring.monitor import MechanismMonitor
 from exudyn_romerr.model.outputs import Output
-from exudyn_romerr.report.formats.load import load_report
+from exudyn_romerr.report.mechanism_report import load_report
 from models import floating
 from tests.helpers.mbs_scenes import (
     SOLVERS,
