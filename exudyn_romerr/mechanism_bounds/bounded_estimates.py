@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..linear.estimators.causes import LINEAR_MODES, STEPS_OF_MODES
+from ..causes import LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism_errors.half_widths import CauseEstimate
 from .bounds import Proved
 

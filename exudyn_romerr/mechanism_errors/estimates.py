@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.estimators.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
+from ..causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from ..mechanism.tangents import block_of
 from .end_state import EndState
 from .linearity import Linearity, UnmovedForces

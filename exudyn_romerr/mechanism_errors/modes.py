@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.estimators.causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
+from ..causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism.tangents import Block
 from .factors import Factors, factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked

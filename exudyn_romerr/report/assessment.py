@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
 from ..checks import check_choice
 from ..errors import InputError
-from ..linear.estimators.causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
 from .answers import ASSESSED, Answer, Limit, Tolerances
 from .data import OutputReport, ReportData, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Doubt, Reason, causes_of, cures_of

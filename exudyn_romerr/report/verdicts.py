@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..linear.estimators.causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
+from ..causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 from .answers import NO_LIMIT, Answer, Limit, worst
 
 ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"

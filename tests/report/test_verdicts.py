@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exudyn_romerr.linear.estimators.causes import CAUSES as PARTS_OF_ESTIMATES
+from exudyn_romerr.causes import CAUSES as PARTS_OF_ESTIMATES
 from exudyn_romerr.report import verdicts
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.assessment import OF_BOUNDS_ALONE, of_estimates, rows_of

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from ...causes import CAUSES
 from ...report.data import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts
 from ...report.wording import NO_OUTPUTS
 from ..estimators.bounds import Bounds, of_output
-from ..estimators.causes import CAUSES
 from ..residual.interface_stiffening import interface_share
 from ..residual.reconstruction import ROUNDING_SHARE
 from .prepare import Offline

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg as la
 
+from ...causes import CAUSES, REDUCTION
 from ...errors import AssumptionError, RunError
-from ...linear.estimators.causes import CAUSES, REDUCTION
 from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...causes import REDUCTION
 from ...errors import RunError
-from ...linear.estimators.causes import REDUCTION
 from ...linear.run.record import Internal
 from ..access.solvers import SAME_TIME
 from ..mirror.recorder import StoredRows, as_rows

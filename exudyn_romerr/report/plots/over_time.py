@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ...causes import BY_STEPS, RESOLVED
 from ...checks import check_count
 from ...errors import InputError
-from ...linear.estimators.causes import BY_STEPS, RESOLVED
 from ...linear.residual.samples import SAME_TIMES
 from ..data import ReportData
 from ..scope import NOT_CERTIFIED, SCOPES

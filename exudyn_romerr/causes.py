@@ -1,4 +1,4 @@
-"""Names of what errors come from, and of the checks that tell how far an estimate can be trusted (estimates.md)."""
+"""Names of what errors come from, and of the checks that tell how far an estimate can be trusted."""
 
 RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
 CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
