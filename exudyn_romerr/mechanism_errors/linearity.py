@@ -63,8 +63,9 @@ def rows_by_users(of: Mechanism, block: Block, e: np.ndarray) -> np.ndarray:
     """
     has_errors = e.any(axis=(1, 2))
     if not of.has_forces_by_users:
-        t, *state, _ = vars(block.rows).values()
-        has_errors &= of.equations.change_loads(t, state, of.unknowns.moved(state, [*np.moveaxis(e, 1, 0)]))
+        (t, *state, _), errors = vars(block.rows).values(), [*np.moveaxis(e, 1, 0)]
+        moved, kept = of.unknowns.moved(state, errors), e[:, :, of.unknowns.kept]
+        has_errors &= of.equations.change_loads(t, state, moved, kept)
     return np.flatnonzero(has_errors)
 
 
@@ -133,8 +134,7 @@ def nonlinear_forces(
     e (T, 3, n_a), lam (T, c) : errors there. unmoved : what UnmovedForces say of these rows.
     """
     u, others, (t, q, v, a, forces), (here, g) = of.unknowns, of.equations, vars(block.rows).values(), unmoved
-    errors = [*np.moveaxis(e, 1, 0)]
-    kept, more = np.stack([x[:, u.kept] for x in errors], axis=1), np.zeros_like(forces)
+    errors, kept, more = [*np.moveaxis(e, 1, 0)], e[:, :, u.kept], np.zeros_like(forces)
     more[:, others.independent] = lam
     there, moved_g = others.moved_forces(t, u.moved((q, v, a), errors), kept, forces + more)
     linear = sum(times(X, x) for X, x in zip(block.rest, errors[::-1], strict=True))

@@ -201,12 +201,14 @@ class HollowCopy:
         forces, g = self._unbalanced(t, wide, lam, at_once=True)
         return self._on_unknowns(forces[:, None], wide[0])[:, 0], g
 
-    def change_loads(self, t: np.ndarray, states: Sequence[np.ndarray], moved: Sequence[np.ndarray]) -> np.ndarray:
+    def change_loads(
+        self, t: np.ndarray, states: Sequence[np.ndarray], moved: Sequence[np.ndarray], kept: np.ndarray
+    ) -> np.ndarray:
         """Return whether user functions of loads do otherwise in moved states than in these, (T,)."""
         found = np.zeros(len(t), bool)
         if not self._loads:
             return found
-        here, there = ([*map(self.wide, one)] for one in (states, moved))
+        here, there = [*map(self.wide, states)], [*map(self.wide, moved, np.moveaxis(kept, 1, 0))]
         for i, now in enumerate(t):
             before, after = (self._loads_at(now, [x[i] for x in one]) for one in (here, there))
             found[i] = not np.array_equal(before, after)
