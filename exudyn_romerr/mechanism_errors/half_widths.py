@@ -43,9 +43,14 @@ class CauseEstimate:
     half_widths: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-def tail(last: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Return what further vectors would add to the last two thirds of them: a geometric series, at most the last."""
+def tail(last: np.ndarray, before: np.ndarray, thirds: int = 1) -> np.ndarray:
+    """Return what further vectors would add to the last third of them: a geometric series, at most the last.
+
+    before : what one third, or two, before the last make; thirds : how many.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         share = last / before
+        if thirds == 2:  # last / before = r^2 / (1 + r)
+            share = (share + np.sqrt(share**2 + 4 * share)) / 2
         series = last * share / (1 - share)
     return np.where(share < 0.5, series, last)

@@ -1,7 +1,8 @@
-"""What linear equations miss of forces that are no bodies' own: Exudyn's under q + e beside them, in few rows.
+"""What linear equations miss of forces that are no bodies' own: Exudyn's under q + e beside them.
 
-Bodies are nonlinear in the correction; joints, springs, contact and user functions are there to first order. Where a
-force is not smooth, as that of a stop, first order says nothing, and no reading of tangents tells.
+Bodies are nonlinear in the correction; joints, springs and user functions are there to first order: that is looked at
+in few rows. Where a force is not smooth, as that of a stop, first order says nothing, and no reading of tangents
+tells: rows in which errors change what user functions give are all looked at.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from .linearity import UnmovedForces
 
 # of whose force on vectors the kicks are: thirds of the vectors, in the order in which they were found; those that
-# deform interfaces which the modes make rigid, and the last half of these
-PARTS = ("first third", "second third", "last third", "deforming", "deforming, last half")
+# deform interfaces which the modes make rigid, the last third of these apart
+PARTS = ("first third", "second third", "last third", "deforming", "deforming, last third")
 OF_MODES = 3  # of PARTS
 # between h and 2 h lie 3 times the error of steps where they resolve what vectors do, and less where they do not
 TWICE_THE_STEP = 1.5
@@ -133,7 +133,7 @@ class Modes:
         if self.is_rigid:
             z[..., 1] -= z[..., 0]
             self._largest.add(interfaces=z[..., 1])
-            self._largest.add(deforming=parts["deforming, last half"], first_deforming=parts["deforming"])
+            self._largest.add(deforming=parts["deforming, last third"], first_deforming=parts["deforming"])
         self._kept.append(z)
 
     def _marched_coarsely(
@@ -186,7 +186,7 @@ class Modes:
         }
         found = {"modes": CauseEstimate(over_time[..., 0], checks)}
         if self.is_rigid:
-            checks = {FURTHER_INTERFACES: tail(most["deforming"], most["first_deforming"])}
+            checks = {FURTHER_INTERFACES: tail(most["deforming"], most["first_deforming"], 2)}
             checks[LINEAR_INTERFACES] = most["change"] + unchecked(most["interfaces"], self._of.sensors)
             found["interfaces"] = CauseEstimate(over_time[..., 1], checks)
         return found

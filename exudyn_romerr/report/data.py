@@ -119,9 +119,10 @@ class OutputReport:
     no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
     causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
     "linearisation" (of what vectors predict), "linearisation of steps", "loads", "sampled feedback" (of a PreStep
-    function); "proved" where a bound of the rest is all of it. estimate_scope : what the estimate covers, as in
-    BoundReport.scope: "coupled (linearised)": motion of the frame and answers of joints are in it, to first order;
-    "inputs frozen": the body alone, under the frame motion, loads and joint forces of this run.
+    function); of mechanisms others, see causes.py; "proved" where a bound of the rest is all of it. estimate_scope :
+    what the estimate covers, as in BoundReport.scope: "coupled (linearised)": motion of the frame and answers of
+    joints are in it, to first order; "inputs frozen": the body alone, under the frame motion, loads and joint forces
+    of this run.
     error (T, r), effectivity[e] (r,) = max_t bound / max_t |error| and, with an estimate, estimate_off (r,) =
     max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
     tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at

@@ -38,7 +38,7 @@ class MechanismReport(BoundReport):
     """One report for a mechanism: outputs of all bodies, and of sensors that are on none of them.
 
     Everything that a BoundReport does; outputs of sensors on no flexible body have an estimate, and the bound inf.
-    bodies : one BoundReport for each body, in the order that attach was given; they have position_bound,
+    bodies : of attach, one BoundReport for each body, in the order that it was given; they have position_bound,
     velocity_bound and node_bound, of which the mechanism's raise InputError. scope : what the bounds of all outputs
     cover, the narrowest of the bodies'.
     """

@@ -71,7 +71,8 @@ class Asked(NamedTuple):
     flexes : all reduced bodies of the mbs. outputs : of each, beside sensors. scheme : of the solver. is_static :
     whether rows are load steps, of which the last counts. sensors : their numbers; None: all. vectors : number of
     static ones of a body, beside those that deform rigid interfaces. holds_rates : whether the solver holds rates of
-    constraints in place of what they keep (index 2). further : of each body, modes that it might have; (): not asked.
+    constraints in place of what they keep (index 2). begun : what a PreStep function may set, before the first step.
+    further : of each body, modes that it might have; (): not asked.
     """
 
     flexes: Sequence[FloatingBody]
@@ -153,6 +154,8 @@ def told_solve(
     ------
     AssumptionError
         Something that the linearised mechanism does not cover.
+    RunError
+        No step was made.
     """
     require_covered(mbs)
     if len(rows) < 2 and not asked.is_static:

@@ -154,7 +154,7 @@ def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.nd
 
 
 def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Number of PARTS of each vector, in their order; keeps : interfaces rigid; first : of two halves."""
+    """Number of PARTS of each vector, in their order; keeps : interfaces rigid; first : of the first two thirds."""
     part = np.zeros(len(keeps), int)
     order = np.flatnonzero(keeps)
     part[order] = np.where(first[order], 0, 2)

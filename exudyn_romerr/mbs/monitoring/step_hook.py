@@ -1,4 +1,4 @@
-"""The one PostStep function of all monitors of an mbs: it gathers rows, which are evaluated in blocks."""
+"""The one PostStep function of all monitors of an mbs: it gathers rows, of the mechanism until its end."""
 
 from __future__ import annotations
 
