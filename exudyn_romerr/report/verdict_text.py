@@ -11,7 +11,12 @@ from .verdicts import CAUSES, MEASURED, NONE, Row, Verdict
 from .wording import digits, listed, percent, rounded_up
 
 TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
-NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
+NOT_RIGID = (
+    "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does; "
+    "if it is: floating_body(..., interfaces='rigid')"
+)
+CANCEL = "Enough as it is, for causes cancel each other: change none of them alone: {}."
+AFTER_THE_STEP = "All else is judged once steps are shorter: {}."
 BESIDE = ("order", "noise", "estimated about")
 CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
@@ -153,7 +158,8 @@ def _enough(rows: Sequence[Row], what: str) -> list[str]:
     if not enough or any(row.answer not in (*FINE, Answer.NOT_COVERED) for row in rows):
         return []
     which = f"every {what}" if len(enough) == len(rows) else _names(enough)
-    return [f"Enough: the error of {which} is within its tolerance."]
+    cancel = _names(row for row in enough if _has_cause(row, (Answer.TOO_LARGE,)))
+    return [f"Enough: the error of {which} is within its tolerance."] + [CANCEL.format(cancel)] * bool(cancel)
 
 
 def first_sentences(rows: Sequence[Row]) -> list[str]:
@@ -170,7 +176,9 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
     together = [row for row in wrong if row.name not in named]  # no cause is too large, all of them together are
     told = [("sum", together), *((cause, _worth_a_sentence(rows, cause)) for cause in _largest_first(rows))]
     in_solves = len({row.solve for row in rows}) > 1
-    return [_of_cause(of, cause, in_solves) for cause, of in told if of]
+    coarse = _names(row for row in rows if row.is_coarse)
+    said = [_of_cause(of, cause, in_solves) for cause, of in told if of]
+    return said + [AFTER_THE_STEP.format(coarse)] * bool(coarse)
 
 
 def _worth_a_sentence(rows: Sequence[Row], cause: str) -> list[Row]:

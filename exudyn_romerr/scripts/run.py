@@ -31,7 +31,7 @@ NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
 NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing is reduced, so no mode is missing"
 NOTHING = "no reduced flexible body and no solve: nothing to tell"
 NOT_WATCHED = "{} in other processes ({} started) not watched: the answer below is of this process alone"
-MEASURE = "romerr verify {} measures it"
+MEASURE = "To measure what is not known: romerr verify {}"
 NOT_READ = "the script was not run: it is no Python that can be read ({})"
 CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the node of each body farthest from them"
 

@@ -130,17 +130,18 @@ def test_what_all_causes_make_together_may_be_too_large_alone():
 
 
 def test_a_sentence_tells_what_is_too_large_and_what_is_not_known():
-    (step,) = first_sentences([SURE_AND_SMALL, LARGE_AND_UNSURE, row("tip", "", modes=(1e-3, 1e-5))])
+    step, after = first_sentences([SURE_AND_SMALL, LARGE_AND_UNSURE, row("tip", "", modes=(1e-3, 1e-5))])
     assert step == (
         "Step: too large, about 0.02 +- 0.001 (2 %) at mid x; cure of step; "
         "not known, about 0.35 or less (35 %) at mid y; cure of step, then ask again."
     )
+    assert after == "All else is judged once steps are shorter: mid."
 
 
 def test_a_cause_is_not_enough_where_a_component_of_it_is_not_judged():
     """Of one whose steps resolve nothing: the modes of the others are no answer."""
     coarse, fine = row("mid", "y", modes=(0.21, 1e-3), step=(0.5, 0.01)), row("mid", "z", modes=(1e-3, 1e-5))
-    assert [line.split(":")[0] for line in first_sentences([coarse, fine])] == ["Step"]
+    assert [line.split(":")[0] for line in first_sentences([coarse, fine])[:-1]] == ["Step"]
     large = row("tip", "", modes=(0.05, 1e-5))
     assert "Modes: too large, about 0.05" in first_sentences([coarse, fine, large])[1]
 
@@ -150,6 +151,7 @@ def test_the_whole_is_too_large_where_a_cause_is_unless_both_are_known_to_cancel
     assert (unsure.answer, STATUS[unsure.answer]) == (Answer.TOO_LARGE, 3)
     cancel = row("tip", "", modes=(0.05, 1e-4), step=(0.05, 1e-4), whole=(1e-3, 1e-4))
     assert cancel.answer is Answer.ENOUGH
+    assert "causes cancel each other: change none of them alone: tip" in summary([cancel])
 
 
 def test_what_is_not_resolved_contradicts_what_is_above_it_alone():
@@ -177,7 +179,8 @@ def test_steps_are_told_that_are_enough_for_all_sensors():
 
 def test_where_steps_resolve_nothing_that_is_all_that_is_told():
     coarse = row("tip", "", modes=(1e-4, 1e-6), step=(0.5, 0.01))
-    (line,) = first_sentences([coarse])
+    line, after = first_sentences([coarse])
+    assert after.endswith("once steps are shorter: tip.")
     assert line.startswith("Step: too large")
     assert line.endswith("then ask again.")
     assert summary([coarse]) == "Too large, by step: tip."
@@ -289,5 +292,5 @@ def test_json_has_axis_tolerance_time_and_action():
 def test_words_are_few():
     """Enough, too large, not known, no tolerance, not covered; nothing else answers."""
     rows = [SURE_AND_SMALL, LARGE_AND_UNSURE, row("tip", "", modes=None), row("hub", "", modes=(1e-5, 1e-8))]
-    words = {re.match(r"\w[\w ]+: ([\w ]+)", line).group(1) for line in first_sentences(rows)}
+    words = {re.match(r"\w[\w ]+: ([\w ]+)", line).group(1) for line in first_sentences(rows)[:-1]}
     assert words <= {answer.value for answer in Answer} | {"not known "}

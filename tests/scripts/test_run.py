@@ -245,7 +245,7 @@ def test_what_is_refused_says_why_and_what_to_type(tmp_path, monkeypatch, capsys
     assert len(run.rows) == 3
     assert capsys.readouterr().out == "the end\n"
     assert "no FEMinterface" in str(run)
-    assert f"romerr verify {run.script} 'two words' 3 measures it" in str(run)
+    assert f"To measure what is not known: romerr verify {run.script} 'two words' 3" in str(run)
 
 
 @pytest.mark.parametrize(
