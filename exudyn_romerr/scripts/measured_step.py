@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,25 +13,54 @@ from ..report.verdicts import CAUSES, ESTIMATED, NONE, TOO_COARSE, Row, Verdict,
 if TYPE_CHECKING:
     from .verify import Verification
 
+SAME = 1e-6  # of what a sensor shows: runs of the same script differ by rounding
+OTHERWISE = (
+    "run again, the script shows something else ({}): its step was not measured. Does it use random numbers, the "
+    "clock, or a file that it writes?"
+)
+
 
 def is_open(row: Row) -> bool:
     """Return whether a row's step is one of which no tolerance can be judged."""
     return "step" in row.of and row.of["step"].answer in UNSURE
 
 
-def with_measured_steps(rows: Iterable[Row], steps: Verification) -> list[Row]:
-    """Return rows of a run, those whose step is open with the step that was measured, where it was.
+def with_measured_steps(rows: Iterable[Row], steps: Verification) -> tuple[list[Row], list[str]]:
+    """Return rows of a run, those whose step is open with the step that was measured, and why others have none.
 
-    A cause that nothing could be said of beside such steps is judged anew; the whole is what causes add up to.
+    A cause that nothing could be said of beside such steps is judged anew; the whole is what causes add up to. A row
+    that stands for a sensor of which nothing is known becomes one for each of its components.
     """
     solves = [i for i, solve in enumerate(steps.results["unchanged"].solves) if solve["has_bodies"]]
-    measured = {(row.name, row.component, row.solve): row for row in steps.judgement.rows}
-    of = (measured.get((row.name, row.component, solves[row.solve])) for row in rows)
-    return [*map(_with_measured_step, rows, of)]
+    numbers = {number: i for i, number in enumerate(solves)}
+    measured: dict[tuple[str, int], list[Row]] = {}
+    for row in steps.judgement.rows:
+        if row.solve in numbers:
+            measured.setdefault((row.name, numbers[row.solve]), []).append(row)
+    pairs = [pair for row in rows for pair in _beside(row, measured.get((row.name, row.solve), []))]
+    others = {row.solve: row.name for row, one in pairs if one is not None and _differ(row, one)}
+    found = [row if one is None or row.solve in others else _with_measured_step(row, one) for row, one in pairs]
+    return found, [OTHERWISE.format(name) for name in dict.fromkeys(others.values())]
 
 
-def _with_measured_step(row: Row, measured: Row | None) -> Row:
-    if measured is None or not is_open(row):
+def _beside(row: Row, measured: list[Row]) -> Iterator[tuple[Row, Row | None]]:
+    """Yield the row, or one for each component, and what was measured of it."""
+    if row.largest is None and measured:  # it stands for all components of its sensor
+        for one in measured:
+            yield replace(row, component=one.component, axis=one.axis, label=one.label, unit=one.unit), one
+    else:
+        yield row, next((one for one in measured if one.component == row.component), None)
+
+
+def _differ(row: Row, measured: Row) -> bool:
+    """Whether the run in a process of its own shows something else than the run itself, where that is known."""
+    if row.largest is None or row.until:  # not known, or not all of it was compared
+        return False
+    return not abs(row.largest - measured.largest) <= SAME * row.extent
+
+
+def _with_measured_step(row: Row, measured: Row) -> Row:
+    if not is_open(row):
         return row
     step = measured.of["step"]
     if step.how == NONE or (step.half_width is None and step.answer in UNSURE and row.of["step"].how != NONE):

@@ -50,6 +50,7 @@ class Run(Judged):
     arguments : of the script
     units : of length, as the user gave it
     steps : what measure_step has measured; None: nothing
+    home : working folder when it began
     """
 
     script: str
@@ -60,6 +61,7 @@ class Run(Judged):
     arguments: Sequence[str] = ()
     units: str = ""
     steps: Verification | None = None
+    home: str = ""
 
     @property
     def reports(self) -> list[BoundReport]:
@@ -76,12 +78,14 @@ class Run(Judged):
         if self.steps is not None:
             from .measured_step import with_measured_steps
 
-            rows = with_measured_steps(rows, self.steps)
-            notes += self.steps.notes
+            rows, others = with_measured_steps(rows, self.steps)
+            notes += [*self.steps.notes, *self.steps.missing, *others]
         return Judgement(rows, self.solves, notes)
 
     def measure_step(self, progress: Callable[[str], None] | None = None) -> None:
         """Run the script with half the step and a quarter of it, where its estimate leaves the step's error open.
+
+        What was stopped by Ctrl-C is not run again.
 
         Parameters
         ----------
@@ -95,10 +99,11 @@ class Run(Judged):
         """
         from .measured_step import is_open
 
-        if any(map(is_open, self.judgement.rows)):
+        if any(map(is_open, self.judgement.rows)) and not isinstance(self.ending.error, KeyboardInterrupt):
             from .verify import measure_steps
 
-            self.steps = measure_steps(self.script, self.arguments, self.tolerances, self.units, progress)
+            path = os.path.join(self.home, self.script)
+            self.steps = measure_steps(path, self.home, self.arguments, self.tolerances, self.units, progress)
             del self.judgement
 
     @property
@@ -167,14 +172,14 @@ def run(
     -----
     Does not cover: solves in other processes; bodies whose FEMinterface is gone when they are added.
     """
-    tolerances, path = tolerances_of(tolerance), check_script(script)
+    tolerances, path, home = tolerances_of(tolerance), check_script(script), os.getcwd()
     with _Watching() as watching:
         ending = execute(path, arguments)
         for solve in watching.solves if units else ():
             _name_units(solve, units)
         error = f"{type(ending.error).__name__}: {ending.error}"
         notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
-        return Run(path, ending, watching.solves, notes, tolerances, arguments, units)
+        return Run(path, ending, watching.solves, notes, tolerances, arguments, units, home=home)
 
 
 def _name_units(solve: Solve, units: str) -> None:

@@ -100,10 +100,14 @@ class Verification(Judged):
 
         plot_verdicts(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
 
-    def __str__(self) -> str:
+    @property
+    def missing(self) -> list[str]:
+        """A line that tells of runs that were not had; none: all were."""
         lost = [f"{name} ({one.failure})" for name, one in self.results.items() if one.failure]
-        missing = [f"Runs that were not had: {', '.join(lost)}."] if lost else []
-        return "\n".join([*self.misspelt, *missing, text(self.judgement, self.script)])
+        return [f"Runs that were not had: {', '.join(lost)}."] if lost else []
+
+    def __str__(self) -> str:
+        return "\n".join([*self.misspelt, *self.missing, text(self.judgement, self.script)])
 
 
 def verify(
@@ -179,19 +183,24 @@ def verify(
 
 
 def measure_steps(
-    script: str,
+    path: str,
+    home: str,
     arguments: Sequence[str],
     tolerances: Tolerances,
     units: str = "",
     progress: Callable[[str], None] | None = None,
 ) -> Verification:
-    """Measure the error of the steps alone: unchanged, half the step, a quarter of it; as verify, which see."""
-    plain = Request("unchanged", os.path.abspath(check_script(script)), os.getcwd(), tuple(arguments))
+    """Measure the error of the steps alone: unchanged, half the step, a quarter of it; as verify, which see.
+
+    path : of the script, absolute. home : the working folder.
+    """
+    plain = Request("unchanged", check_script(path), home, tuple(arguments))
     first = _first(plain)
     first.facts["bodies"] = 0  # nothing is asked of their modes
     requests = [replace(plain, name=name, steps=steps) for name, steps in FINER.items()]
     results = {"unchanged": first} | _further(requests, first, None, None, progress or (lambda said: None))
-    return Verification(plain.script, results, tolerances, _endings(results), units)
+    follow = [NOTES["follow"]] if first.facts["has_controllers"] else []
+    return Verification(plain.script, results, tolerances, follow + _endings(results), units)
 
 
 def _first(plain: Request) -> Result:
