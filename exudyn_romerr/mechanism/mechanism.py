@@ -19,10 +19,12 @@ class OtherEquations(Protocol):
     """Equations of all but the floating bodies, with kept vectors.
 
     independent : numbers of constraints that no others imply. felt : unknowns on which forces act at all.
+    loads_know_motion : whether user functions of loads may know more than the time.
     """
 
     independent: np.ndarray
     felt: np.ndarray
+    loads_know_motion: bool
 
     def unbalanced(self, rows: Rows) -> np.ndarray:
         """Return M a - f + G^T lam (T, n_a) at rows of the run, in axes of bodies."""

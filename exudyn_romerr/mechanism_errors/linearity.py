@@ -64,6 +64,8 @@ def rows_by_users(of: Mechanism, block: Block, e: np.ndarray) -> np.ndarray:
     """
     has_errors = e.any(axis=(1, 2))
     if not of.has_forces_by_users:
+        if not of.equations.loads_know_motion:
+            return np.zeros(0, int)
         (t, *state, _), errors = vars(block.rows).values(), [*np.moveaxis(e, 1, 0)]
         moved, kept = of.unknowns.moved(state, errors), e[:, :, of.unknowns.kept]
         has_errors &= of.equations.change_loads(t, state, moved, kept)

@@ -29,6 +29,8 @@ OURS = str(Path(__file__).resolve().parents[2]) + os.sep
 NUMBERS = (bool, int, float, complex, str, bytes, type(None))
 CHANGES = ("Set", "Add", "Create", "Delete", "Modify", "Reset", "Assemble", "Solve")  # begin names of what changes
 INTERFACE = "ObjectFFRFreducedOrderInterface"
+# of a main system: where its state may be, beside what Get... functions give
+STATE = ("systemData", "variables", "sys")
 READS_SENSORS, READS_NODES = "GetSensorValues", "GetObjectOutputSuperElement"  # by what functions ask a main system
 STREAMS = ("__next__", "fileno")  # of iterators and open files, of files and sockets
 
@@ -118,6 +120,14 @@ class Detached:
             return False
         now, first = (self._pickled(x, False) for x in (self._copies, self._unpickled(self._kept)))
         return now != first
+
+    def may_know_motion(self, function: Callable, load: Any) -> bool:
+        """Return whether a user function of a load may know more than the time: it asks its mbs, or another one."""
+        try:
+            function(None, 0.0, load)
+        except Exception:  # whatever comes of asking None
+            return True
+        return any(name.startswith("Get") or name in STATE for name in self.names)
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:

@@ -43,7 +43,8 @@ class HollowCopy:
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
     forces know, sampled : that a PreStep function knows. scales (n_a,) : finite motions that are alike; inertia : of
-    the lightest body moved so. frames : nodes in whose axes readings are.
+    the lightest body moved so. frames : nodes in whose axes readings are. loads_know_motion : whether user functions
+    of loads may know more than the time.
     """
 
     def __init__(
@@ -73,11 +74,13 @@ class HollowCopy:
         for load in (number for one in enriched for number in one.weights):
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
-        self._loads = [
-            (function, load.get("loadVector", load.get("load")))
+        loads = [
+            (f, load.get("loadVector", load.get("load")))
             for load in Items(self.mbs).loads
-            for function in functions_of(load)
+            for f in functions_of(load)
         ]
+        self._loads = [one for one in loads if detached.may_know_motion(*one)]
+        self.loads_know_motion = bool(self._loads)
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
         # to be asked for once: that takes twice as long as to set it
@@ -206,8 +209,6 @@ class HollowCopy:
     ) -> np.ndarray:
         """Return whether user functions of loads do otherwise in moved states than in these, (T,)."""
         found = np.zeros(len(t), bool)
-        if not self._loads:
-            return found
         here, there = [*map(self.wide, states)], [*map(self.wide, moved, np.moveaxis(kept, 1, 0))]
         for i, now in enumerate(t):
             before, after = (self._loads_at(now, [x[i] for x in one]) for one in (here, there))
