@@ -40,7 +40,10 @@ def body_rates(p: np.ndarray) -> np.ndarray:
 
 
 def rotation_matrix(p: np.ndarray) -> np.ndarray:
-    """Return A (..., 3, 3), as Exudyn has it, of Euler parameters (..., 4) that need not have length one."""
+    """Return A (..., 3, 3) of Euler parameters (..., 4) of length one.
+
+    Where the length drifts the diagonal is 2 (|p|^2 - 1) more than Exudyn's, which has 1 - 2 (c^2 + d^2).
+    """
     a, b, c, d = _entries(p)
     aa, bb, cc, dd = a * a, b * b, c * c, d * d
     ab, ac, ad, bc, bd, cd = a * b, a * c, a * d, b * c, b * d, c * d

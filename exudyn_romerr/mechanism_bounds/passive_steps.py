@@ -18,9 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 SAME = 1e-9  # of a parameter of the scheme
-# c of |e + K^-1 f|_K and |e'|_M in steps of one size, of what began at rest without accelerations, where damping
-# leaves modes apart: of single modes of all damping ratios 1 and 1.0155 at most (test_passive_steps.py)
-OF_MODES = 1.0, 1.016
 
 
 class Means(NamedTuple):
