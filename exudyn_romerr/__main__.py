@@ -55,6 +55,11 @@ OPTIONS = {  # of commands about a script; those that write a file first
     "units": {"default": "", "metavar": "U", "help": "the model's unit of length, to be printed: mm"},
     "quiet": {"action": "store_true", "help": "print no answer"},
     "features": {"action": "store_true", "help": "also peak, RMS and last value of each sensor"},
+    "interfaces": {
+        "choices": ("free", "rigid"),
+        "default": "free",
+        "help": "rigid: interfaces that RBE2 modes make rigid are so in reality (default: free)",
+    },
     "measure-step": {
         "action": "store_true",
         "help": "where the step's error is not known, also run with half the step and a quarter: 7 times the run",
@@ -85,7 +90,7 @@ SCRIPTED = {
         "run a script and tell how wrong its reduced bodies make it",
         " --tolerance 1%",
         STATUS_OF_RUN,
-        (*JUDGED, *WRITTEN, "features", "measure-step"),
+        (*JUDGED, *WRITTEN, "features", "interfaces", "measure-step"),
     ),
     "verify": _Scripted(
         "run a script again and again, and measure its errors",
@@ -214,7 +219,8 @@ def _run(given: argparse.Namespace) -> int:
     """Run a script, print and write the answer; the exit status is the script's, or that of the answer."""
     try:
         files = checked_files({option: getattr(given, option) for option in WRITTEN})
-        done = run(given.script, given.arguments, tolerance=given.tolerance, units=given.units)
+        own = {name: getattr(given, name) for name in ("tolerance", "units", "interfaces")}
+        done = run(given.script, given.arguments, **own)
     except InputError as error:
         return _wrong(error)
     done.ending.show()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any
 
+from ..errors import InputError
 from ..report.answers import tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ..report.report import BoundReport
     from .verify import Verification
 
+INTERFACES = ("free", "rigid")
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
 NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
 NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing is reduced, so no mode is missing"
@@ -142,6 +144,7 @@ def run(
     *,
     tolerance: Sequence[str] | str | float | None = None,
     units: str = "",
+    interfaces: str = "free",
 ) -> Run:
     """Run a script in this process as `python script.py` does, and tell how wrong its reduced bodies make it.
 
@@ -157,6 +160,8 @@ def run(
         0.001 in the model's units, "1%" of each largest value, "tip=0.001" of one sensor.
     units : str
         The model's unit of length, such as "mm", to be printed; "": not known. Numbers stay what they are.
+    interfaces : {"free", "rigid"}
+        Whether interfaces that RBE2 modes make rigid deform in reality, or are as rigid as that.
 
     Returns
     -------
@@ -166,14 +171,16 @@ def run(
     Raises
     ------
     InputError
-        No such script; a tolerance that is none.
+        No such script; a tolerance that is none; unknown interfaces.
 
     Notes
     -----
     Does not cover: solves in other processes; bodies whose FEMinterface is gone when they are added.
     """
+    if interfaces not in INTERFACES:  # by checks.py, but that imports numpy, and the script comes first
+        raise InputError(f"interfaces={interfaces!r}; allowed: {', '.join(map(repr, INTERFACES))}")
     tolerances, path, home = tolerances_of(tolerance), check_script(script), os.getcwd()
-    with _Watching() as watching:
+    with _Watching(interfaces) as watching:
         ending = execute(path, arguments)
         for solve in watching.solves if units else ():
             _name_units(solve, units)
@@ -193,8 +200,9 @@ def _name_units(solve: Solve, units: str) -> None:
 class _Watching:
     """Watches what a script does until the end of the context."""
 
-    def __init__(self) -> None:
+    def __init__(self, interfaces: str) -> None:
         self._stack, self._bodies, self._watched, self._processes = ExitStack(), None, None, 0
+        self._interfaces = interfaces
 
     def __enter__(self) -> _Watching:
         handle, self._elsewhere = tempfile.mkstemp(prefix="romerr_")
@@ -234,7 +242,7 @@ class _Watching:
         from ..mbs.scenes.watched_solves import WatchedSolves
 
         self._bodies = FoundBodies()
-        self._watched = WatchedSolves(self._bodies, self._elsewhere)
+        self._watched = WatchedSolves(self._bodies, self._elsewhere, self._interfaces)
         for one in (self._bodies, self._watched):
             one.install(exudyn)
             self._stack.callback(one.uninstall)

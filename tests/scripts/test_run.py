@@ -544,3 +544,33 @@ def test_a_step_that_the_estimate_leaves_open_is_measured(tmp_path, capsys):
 def test_no_step_is_measured_that_is_known(tmp_path, capsys):
     assert main(["run", "--measure-step", "--tolerance", "1e9", written(tmp_path, SCENE + SOLVE)]) == 0
     assert capsys.readouterr().err == ""
+
+
+def held_rigidly(n):
+    """What the tip of a bar with n modes shows that leave interfaces rigid, (T, 3)."""
+    from models import floating
+
+    scene = floating.clamped_bar(n, "RBE2", h=2e-4, t_end=0.02)
+    scene.settings.solution.sensors.writePeriod = 0.0
+    scene.solve()
+    return np.array(scene.mbs.GetSensorStoredData(scene.sensors["tip"]))[:, 1:]
+
+
+def test_interfaces_that_are_rigid_in_reality_are_no_error(tmp_path):
+    """Modes are beside all modes that leave them rigid; of RBE3 modes nothing changes."""
+    text = HEAD + "scene = floating.clamped_bar(4, {!r}, h=2e-4, t_end=0.02)\n" + SOLVE
+    free, rigid = (ran(tmp_path, text.format("RBE2"), interfaces=one) for one in ("free", "rigid"))
+    assert all(row["interfaces"] for row in free.rows)
+    assert not any(row["interfaces"] for row in rigid.rows)
+    truth = np.abs(held_rigidly(60) - held_rigidly(4)).max(axis=0)
+    for row, error in zip(rigid.rows, truth, strict=False):  # the tip comes first
+        assert abs(row["modes"]["size"] - error) <= row["modes"]["half_width"]
+    others = [ran(tmp_path, text.format("RBE3"), interfaces=one).rows for one in ("free", "rigid")]
+    for one, other in zip(*others, strict=True):  # Exudyn's eigensolver begins with random numbers
+        assert one["modes"]["size"] == pytest.approx(other["modes"]["size"], rel=1e-4)
+        assert one["interfaces"] is other["interfaces"] is None
+
+
+def test_unknown_interfaces_are_refused_before_the_script_runs(tmp_path):
+    with pytest.raises(romerr.InputError, match="allowed: 'free', 'rigid'"):
+        romerr.run(written(tmp_path, "raise SystemExit(3)"), interfaces="soft")

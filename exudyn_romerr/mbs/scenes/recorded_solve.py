@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
+from contextlib import suppress
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from ...report.verdicts import until, until_begun, until_load
 from ..access.mbs_items import sensor_names
 from ..access.solvers import SAME_TIME, holds_rates, scheme_from
 from ..floating.floating_body import floating_body
+from ..floating.reference_search import seen_body
 from ..floating.sensor_outputs import chosen_outputs, shows_motion
 from ..mirror.pre_step import parameters
 from ..mirror.recorder import Recorder
@@ -44,7 +46,7 @@ class RecordedSolve:
     """Keeps rows from the moment it is made; `reports` puts back the user's PostStep function and tells them.
 
     solve : is told of sensors, bodies that cannot be read and why. ended : of each mbs how its solve before ended.
-    settings : of the solver.
+    settings : of the solver. interfaces : of the full model, see floating_body; "rigid": where modes make them so.
     """
 
     def __init__(
@@ -54,8 +56,9 @@ class RecordedSolve:
         solve: Solve,
         ended: MutableMapping[Any, Ended],
         settings: Any,
+        interfaces: str = "free",
     ):
-        self._mbs, self._bodies, self._solve = mbs, bodies, solve
+        self._mbs, self._bodies, self._solve, self._interfaces = mbs, bodies, solve, interfaces
         self._ended, self._holds_rates = ended, holds_rates(settings)
         solve.sensors, solve.chosen = sensor_names(mbs), not shows_motion(mbs)
         self._recorder, self._begun = Recorder(mbs, slot_function(mbs)), parameters(mbs)
@@ -86,7 +89,7 @@ class RecordedSolve:
         if end is not None and ending.why:
             last = runs[-1].t[-1]
             solve.until = until_load(last, ending.why) if is_static else until(last, end, ending.why)
-        solve.flexes, solve.refused = flexes, refused = _readable(self._mbs, self._bodies)
+        solve.flexes, solve.refused = flexes, refused = _readable(self._mbs, self._bodies, self._interfaces)
         if refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in refused))
         chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]
@@ -109,9 +112,11 @@ def _planned_end(solver: Any, last: float) -> float | None:
     return None if last >= end - SAME_TIME * abs(end) else end
 
 
-def _readable(mbs: Any, bodies: Sequence[FoundBody]) -> tuple[list[FloatingBody], list[tuple[str, str]]]:
+def _readable(
+    mbs: Any, bodies: Sequence[FoundBody], interfaces: str
+) -> tuple[list[FloatingBody], list[tuple[str, str]]]:
     """Return the bodies that can be read, and (which, why not) of the others."""
-    found, refused = [_flex_or_reason(mbs, body) for body in bodies], []
+    found, refused = [_flex_or_reason(mbs, body, interfaces) for body in bodies], []
     for body, why in zip(bodies, found, strict=True):
         if isinstance(why, str):
             name = mbs.GetObject(body.number)["name"]
@@ -119,10 +124,15 @@ def _readable(mbs: Any, bodies: Sequence[FoundBody]) -> tuple[list[FloatingBody]
     return [flex for flex in found if not isinstance(flex, str)], refused
 
 
-def _flex_or_reason(mbs: Any, body: FoundBody) -> FloatingBody | str:
+def _flex_or_reason(mbs: Any, body: FoundBody, interfaces: str) -> FloatingBody | str:
     if body.fem is None:
         return NO_FEM
     try:
+        if interfaces == "rigid":
+            flex = floating_body(body.fem, body.items(mbs), interfaces=interfaces)
+            with suppress(AssumptionError):  # its modes leave interfaces free
+                seen_body(mbs, flex)
+                return flex
         return floating_body(body.fem, body.items(mbs))
     except Exception as error:  # whatever it is: the answer says it
         return str(error)

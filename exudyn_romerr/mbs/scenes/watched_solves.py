@@ -39,12 +39,12 @@ class WatchedSolves(StandIn):
     """Stands in front of Exudyn's solvers and keeps a Solve of each; what goes wrong is in there, never raised.
 
     solves : in their order. plain : how many had no reduced flexible body. elsewhere : a file to which processes
-    forked by the script write a byte for each solve of theirs, which is not watched.
+    forked by the script write a byte for each solve of theirs, which is not watched. interfaces : see RecordedSolve.
     """
 
-    def __init__(self, bodies: FoundBodies, elsewhere: str = ""):
+    def __init__(self, bodies: FoundBodies, elsewhere: str = "", interfaces: str = "free"):
         super().__init__()
-        self.bodies, self.solves, self.plain = bodies, [], 0
+        self.bodies, self.solves, self.plain, self._interfaces = bodies, [], 0, interfaces
         self._elsewhere, self._process = elsewhere, os.getpid()
         self._open: dict[int, Watched | None] = {}  # solves made step by step, by the solver's identity
         self._is_inside = False
@@ -101,7 +101,7 @@ class WatchedSolves(StandIn):
             kept, monitor = ExitStack(), monitor_of_script(mbs)
             settings = settings_of(arguments, options)
             if monitor is None:
-                recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
+                recorded = RecordedSolve(mbs, bodies, solve, self._before, settings, self._interfaces)
                 kept.callback(recorded.close)
                 return Watched(solve, lambda ending: recorded.reports(solver, ending), kept)
             solve.notes.append(ATTACHED_BY_SCRIPT)
