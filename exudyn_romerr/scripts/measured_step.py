@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING
 
 from ..report.answers import Answer
 from ..report.verdict_text import UNSURE
-from ..report.verdicts import CAUSES, ESTIMATED, NONE, TOO_COARSE, Row, Verdict, judge, judged_together
+from ..report.verdicts import (
+    CAUSES,
+    ESTIMATED,
+    NONE,
+    NONE_SUCH,
+    TOO_COARSE,
+    Reservation,
+    Row,
+    Verdict,
+    judge,
+    judged_together,
+)
 
 if TYPE_CHECKING:
     from .verify import Verification
@@ -81,7 +92,10 @@ def _without_doubt(verdict: Verdict, cause: str, row: Row) -> Verdict:
 
 
 def _added(of: Mapping[str, Verdict], limit: float | None) -> Verdict:
-    """The whole error, of which nothing but its causes is known: others may be with the largest, or against it."""
+    """The whole error, of which nothing but its causes is known: others may be with the largest, or against it.
+
+    What speaks against a number of a cause (a run that ended early, what no estimate covers) does so here.
+    """
     largest = max(of.values(), key=lambda one: one.size or 0.0)
     open_causes = [one for one in of.values() if one.half_width is None]
     if open_causes:
@@ -89,5 +103,6 @@ def _added(of: Mapping[str, Verdict], limit: float | None) -> Verdict:
         return Verdict(largest.size, None, largest.how, Answer.NOT_KNOWN, reason, cure)
     most = sum(one.most for one in of.values())
     least = max(0.0, *(one.least + one.most - most for one in of.values()))
-    whole = judge((most + least) / 2, (most - least) / 2, limit, ESTIMATED, largest.cure)
+    but = next((Reservation(x.reason, x.cure) for x in of.values() if x.reason and x.answer in UNSURE), NONE_SUCH)
+    whole = judge((most + least) / 2, (most - least) / 2, limit, ESTIMATED, largest.cure, but=but)
     return replace(whole, time=largest.time)

@@ -70,3 +70,17 @@ def test_differences_that_lead_nowhere_leave_the_estimate():
     open_ended = replace(row(2, OPEN, how=MEASURED).of["step"], half_width=None)
     measured = replace(row(2, OPEN), of={"step": open_ended})
     assert with_measured_steps([row(2, OPEN)], steps_of(measured))[0] == [row(2, OPEN)]
+
+
+@pytest.mark.parametrize("cause", ["modes", "step"])
+def test_what_speaks_against_a_cause_speaks_against_the_whole(cause):
+    """A run that ended early, or what no estimate covers: with both causes within the tolerance all was enough."""
+    estimated, measured = row(2, OPEN), row(2, (2e-3, 1e-4), how=MEASURED)
+    doubted = replace((estimated if cause == "modes" else measured).of[cause], answer=Answer.NOT_KNOWN, reason="why")
+    if cause == "modes":
+        estimated = replace(estimated, of=estimated.of | {cause: doubted})
+    else:
+        measured = replace(measured, of=measured.of | {cause: doubted})
+    ((found,), _) = with_measured_steps([estimated], steps_of(measured))
+    assert found.of["step"].how == MEASURED
+    assert (found.answer, found.of["sum"].reason) == (Answer.NOT_KNOWN, "why")
