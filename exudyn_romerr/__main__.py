@@ -16,7 +16,7 @@ from .errors import InputError, RomErrError
 from .report.answers import WRONG_USAGE, Tolerances
 from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tell_on_stderr, tried
-from .scripts.run import mode_tables, run, show, write_files
+from .scripts.run import INTERFACES, mode_tables, run, show, write_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -56,7 +56,7 @@ OPTIONS = {  # of commands about a script; those that write a file first
     "quiet": {"action": "store_true", "help": "print no answer"},
     "features": {"action": "store_true", "help": "also peak, RMS and last value of each sensor"},
     "interfaces": {
-        "choices": ("free", "rigid"),
+        "choices": INTERFACES,
         "default": "free",
         "help": "rigid: interfaces that RBE2 modes make rigid are so in reality (default: free)",
     },

@@ -78,6 +78,11 @@ class Result:
     elapsed: float = 0.0
 
     @property
+    def with_bodies(self) -> list[int]:
+        """Numbers of the solves that move reduced bodies: watched runs, and `romerr run`, count no others."""
+        return [i for i, solve in enumerate(self.solves) if solve["has_bodies"]]
+
+    @property
     def seconds(self) -> float:
         """CPU time."""
         return self.facts.get("seconds", 0.0)
@@ -89,7 +94,7 @@ def estimates(results: Mapping[str, Result], *names: str) -> dict[tuple[str, int
     names : of runs, the first counts that was had. solve : among all, of which rows count those with bodies only.
     """
     rows = next((results[name].facts.get("rows", []) for name in names if name in results), [])
-    solves = [i for i, solve in enumerate(results["unchanged"].solves) if solve["has_bodies"]]
+    solves = results["unchanged"].with_bodies
     return {(row.name, row.component, solves[row.solve]): row.of for row in rows if row.solve < len(solves)}
 
 

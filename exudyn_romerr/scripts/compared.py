@@ -375,7 +375,7 @@ class _Component:
         """With what both do not add up to; half width: of each, and as much again."""
         unknown = [verdict for verdict in of.values() if verdict.half_width is None]
         if unknown:
-            return _at_least(of.values(), unknown[0])
+            return at_least(of.values(), unknown[0])
         parts = [self._modes, self._interfaces] if self._signal.has_bodies else []
         parts = [part for part in (*parts, self._steps) if part is not None]
         # apart : at half the step; shorter ones may add as much
@@ -385,10 +385,10 @@ class _Component:
         return self._judged(_Change(total, half), of[cause].cure or CAUSES[cause].cure if of else "")
 
 
-def _at_least(causes: Iterable[Verdict], unknown: Verdict) -> Verdict:
-    """The whole where one cause is not known: at least as large as the largest that is known."""
+def at_least(causes: Iterable[Verdict], unknown: Verdict) -> Verdict:
+    """Return the verdict on the whole where one cause is not known: it is as large as the largest that is known."""
     known = [verdict for verdict in causes if verdict.size is not None]
-    size = max((verdict.size for verdict in known), default=None)
+    largest = max(known, key=lambda verdict: verdict.size, default=not_covered(unknown.reason))
     is_wrong = any(verdict.answer is Answer.TOO_LARGE for verdict in known)
     answer = Answer.TOO_LARGE if is_wrong else unknown.answer
-    return Verdict(size, None, MEASURED if known else NONE, answer, unknown.reason, unknown.cure)
+    return Verdict(largest.size, None, largest.how, answer, unknown.reason, unknown.cure)

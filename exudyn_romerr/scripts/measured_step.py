@@ -20,6 +20,7 @@ from ..report.verdicts import (
     judge,
     judged_together,
 )
+from .compared import at_least
 
 if TYPE_CHECKING:
     from .verify import Verification
@@ -42,8 +43,7 @@ def with_measured_steps(rows: Iterable[Row], steps: Verification) -> tuple[list[
     A cause that nothing could be said of beside such steps is judged anew; the whole is what causes add up to. A row
     that stands for a sensor of which nothing is known becomes one for each of its components.
     """
-    solves = [i for i, solve in enumerate(steps.results["unchanged"].solves) if solve["has_bodies"]]
-    numbers = {number: i for i, number in enumerate(solves)}
+    numbers = {number: i for i, number in enumerate(steps.results["unchanged"].with_bodies)}
     measured: dict[tuple[str, int], list[Row]] = {}
     for row in steps.judgement.rows:
         if row.solve in numbers:
@@ -96,11 +96,10 @@ def _added(of: Mapping[str, Verdict], limit: float | None) -> Verdict:
 
     What speaks against a number of a cause (a run that ended early, what no estimate covers) does so here.
     """
-    largest = max(of.values(), key=lambda one: one.size or 0.0)
     open_causes = [one for one in of.values() if one.half_width is None]
     if open_causes:
-        reason, cure = open_causes[0].reason, open_causes[0].cure
-        return Verdict(largest.size, None, largest.how, Answer.NOT_KNOWN, reason, cure)
+        return replace(at_least(of.values(), open_causes[0]), answer=Answer.NOT_KNOWN)
+    largest = max(of.values(), key=lambda one: one.size)
     most = sum(one.most for one in of.values())
     least = max(0.0, *(one.least + one.most - most for one in of.values()))
     but = next((Reservation(x.reason, x.cure) for x in of.values() if x.reason and x.answer in UNSURE), NONE_SUCH)

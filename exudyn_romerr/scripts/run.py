@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
 from ..report.answers import tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
@@ -178,8 +177,10 @@ def run(
     -----
     Does not cover: solves in other processes; bodies whose FEMinterface is gone when they are added.
     """
-    if interfaces not in INTERFACES:  # by checks.py, but that imports numpy, and the script comes first
-        raise InputError(f"interfaces={interfaces!r}; allowed: {', '.join(map(repr, INTERFACES))}")
+    if interfaces not in INTERFACES:
+        from ..checks import check_choice  # imports numpy, and the script comes first
+
+        check_choice("interfaces", interfaces, INTERFACES)
     tolerances, path, home = tolerances_of(tolerance), check_script(script), os.getcwd()
     with _Watching(interfaces) as watching:
         ending = execute(path, arguments)

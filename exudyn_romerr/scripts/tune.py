@@ -274,9 +274,8 @@ def _most_apart(own: Result, rows: Sequence[Row]) -> int:
     """How many times the step may be, if a curve through values at steps is to show those between them."""
     limits = {(row.solve, row.name): row.tolerance for row in rows if row.tolerance}
     most = STRIDES[-1]
-    solves = [solve for solve in own.solves if solve["has_bodies"]]
     for (i, name), limit in limits.items():
-        solve = solves[i]
+        solve = own.solves[own.with_bodies[i]]
         if solve["kind"] == "dynamic" and name in solve["names"]:
             data = solve["data"][solve["names"].index(name)]
             most = min(most, _strides_shown(data[:, 0], data[:, 1:], limit))

@@ -168,7 +168,6 @@ def verify(
     check_choice("controllers", controllers, CONTROLLERS)
     path, function = _located(script)
     plain = Request("unchanged", path, os.getcwd(), tuple(arguments), function, timeout=timeout)
-    tell = progress or (lambda said: None)
     first = _first(replace(plain, make_vectors=True))
     results, notes = {"unchanged": first}, [*first.facts["notes"]]
     if first.facts["has_controllers"]:
@@ -178,7 +177,7 @@ def verify(
     requests = _planned(plain, first, controllers, modes_by_call)
     if any(request.factor > 1 for request in requests):
         notes.append(BY_CALL)
-    results |= _further(requests, first, executor, jobs, tell)
+    results |= _further(requests, first, executor, jobs, progress)
     return Verification(plain.script, results, tolerances, notes + _endings(results), units)
 
 
@@ -198,7 +197,7 @@ def measure_steps(
     first = _first(plain)
     first.facts["bodies"] = 0  # nothing is asked of their modes
     requests = [replace(plain, name=name, steps=steps) for name, steps in FINER.items()]
-    results = {"unchanged": first} | _further(requests, first, None, None, progress or (lambda said: None))
+    results = {"unchanged": first} | _further(requests, first, None, None, progress)
     follow = [NOTES["follow"]] if first.facts["has_controllers"] else []
     return Verification(plain.script, results, tolerances, follow + _endings(results), units)
 
@@ -211,9 +210,14 @@ def _first(plain: Request) -> Result:
 
 
 def _further(
-    requests: list[Request], first: Result, executor: Executor | None, jobs: int | None, tell: Callable[[str], None]
+    requests: list[Request],
+    first: Result,
+    executor: Executor | None,
+    jobs: int | None,
+    progress: Callable[[str], None] | None,
 ) -> dict[str, Result]:
     """Make further runs, as many at a time as fit, and tell of them."""
+    tell = progress or (lambda said: None)
     count = jobs or _jobs(first, len(requests))
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
     forecast = _Forecast({request.name: _seconds_of(request, first) for request in requests}, count)
