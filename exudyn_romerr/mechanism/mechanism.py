@@ -34,10 +34,8 @@ class OtherEquations(Protocol):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_a) in axes of bodies, g (T, all); kept (T, 3, kept) : beside q, v, a."""
 
-    def change_loads(
-        self, t: np.ndarray, states: Sequence[np.ndarray], moved: Sequence[np.ndarray], kept: np.ndarray
-    ) -> np.ndarray:
-        """Return whether user functions of loads do otherwise in moved states than in these, (T,); kept as above."""
+    def loads(self, t: np.ndarray, states: Sequence[np.ndarray], kept: np.ndarray) -> np.ndarray:
+        """Return what user functions of loads give that may know more than the time, (T, .); kept : as above."""
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""

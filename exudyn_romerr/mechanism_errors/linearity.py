@@ -7,6 +7,8 @@ tells: rows in which errors change what user functions give are all looked at.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from ..mechanism.mechanism import Mechanism
@@ -41,15 +43,15 @@ class Linearity:
 
         e (T, 3, n_a) in global axes, lam (T, c) : what all errors together move.
         """
-        at = self._rows(block, first, e)
+        at = self._rows(block, first, e, unmoved)
         if len(at):
             part = block[at]
             left, g = nonlinear_forces(self._of, part, e[at], lam[at], unmoved(at))
             self._looks += [*missed_sizes(self._of, part, e[at], left, g)]
 
-    def _rows(self, block: Block, first: int, e: np.ndarray) -> np.ndarray:
+    def _rows(self, block: Block, first: int, e: np.ndarray, unmoved: UnmovedForces) -> np.ndarray:
         """Numbers of rows of a block that are looked at, where there are errors e (T, 3, n_a)."""
-        has_errors, by_users = e.any(axis=(1, 2)), rows_by_users(self._of, block, e)
+        has_errors, by_users = e.any(axis=(1, 2)), rows_by_users(self._of, block, e, unmoved)
         masses = np.einsum("tii->ti", block.M)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
@@ -57,7 +59,7 @@ class Linearity:
         return np.array([i for i in sorted(rows) if has_errors[i]], int)
 
 
-def rows_by_users(of: Mechanism, block: Block, e: np.ndarray) -> np.ndarray:
+def rows_by_users(of: Mechanism, block: Block, e: np.ndarray, unmoved: UnmovedForces) -> np.ndarray:
     """Return numbers of rows in which errors e (T, 3, n_a) change what user functions give.
 
     These need not be smooth, and few rows do not tell: all rows with errors, where they are of joints and springs.
@@ -66,9 +68,10 @@ def rows_by_users(of: Mechanism, block: Block, e: np.ndarray) -> np.ndarray:
     if not of.has_forces_by_users:
         if not of.equations.loads_know_motion:
             return np.zeros(0, int)
-        (t, *state, _), errors = vars(block.rows).values(), [*np.moveaxis(e, 1, 0)]
-        moved, kept = of.unknowns.moved(state, errors), e[:, :, of.unknowns.kept]
-        has_errors &= of.equations.change_loads(t, state, moved, kept)
+        t, *state, _ = vars(block.rows).values()
+        moved = of.unknowns.moved(state, [*np.moveaxis(e, 1, 0)])
+        loads = of.equations.loads(t, moved, e[:, :, of.unknowns.kept])
+        has_errors &= np.any(loads != unmoved.loads, axis=1)
     return np.flatnonzero(has_errors)
 
 
@@ -115,6 +118,12 @@ class UnmovedForces:
     def __init__(self, of: Mechanism, rows: Rows):
         self._of, self._rows, self._is_known = of, rows, np.zeros(len(rows), bool)
         self._found = np.zeros((len(rows), of.unknowns.n_a)), np.zeros(rows.multipliers.shape)
+
+    @cached_property
+    def loads(self) -> np.ndarray:
+        """What user functions of loads give there that may know more than the time, (T, .)."""
+        t, *state, _ = vars(self._rows).values()
+        return self._of.equations.loads(t, state, np.zeros((len(t), 3, len(self._of.unknowns.kept))))
 
     def __call__(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_a), in axes of bodies, and g (T, all) at rows of these numbers."""

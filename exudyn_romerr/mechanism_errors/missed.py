@@ -76,7 +76,7 @@ class MissedForces:
             kicks, g = self._to_be_added(block, first, e, lam, unmoved, share < MUCH)
             added = self._added.through(block, factors, kicks[..., None], self._before, g[..., None])
             added = [x[..., 0] for x in added]
-        by_users = rows_by_users(self._of, block, e[..., : self._of.unknowns.n_a])
+        by_users = rows_by_users(self._of, block, e[..., : self._of.unknowns.n_a], unmoved)
         rows = np.union1d(rows, by_users)
         if self._for_bounds and (is_added or len(by_users)):
             e, lam = (x + y for x, y in zip((e, lam), added, strict=True))

@@ -123,11 +123,13 @@ class Detached:
 
     def may_know_motion(self, function: Callable, load: Any) -> bool:
         """Return whether a user function of a load may know more than the time: it asks its mbs, or another one."""
+        if any(name.startswith("Get") or name in STATE for name in self.names):
+            return True
         try:
             function(None, 0.0, load)
         except Exception:  # whatever comes of asking None
             return True
-        return any(name.startswith("Get") or name in STATE for name in self.names)
+        return False
 
     @contextmanager
     def in_use(self, *systems: Any) -> Iterator[Detached]:

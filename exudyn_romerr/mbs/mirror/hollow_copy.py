@@ -6,7 +6,8 @@ differences of it. The mbs of the run is read once and never moved.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import exudyn as exu
@@ -43,8 +44,7 @@ class HollowCopy:
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
     forces know, sampled : that a PreStep function knows. scales (n_a,) : finite motions that are alike; inertia : of
-    the lightest body moved so. frames : nodes in whose axes readings are. loads_know_motion : whether user functions
-    of loads may know more than the time.
+    the lightest body moved so. frames : nodes in whose axes readings are.
     """
 
     def __init__(
@@ -74,13 +74,7 @@ class HollowCopy:
         for load in (number for one in enriched for number in one.weights):
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
-        loads = [
-            (f, load.get("loadVector", load.get("load")))
-            for load in Items(self.mbs).loads
-            for f in functions_of(load)
-        ]
-        self._loads = [one for one in loads if detached.may_know_motion(*one)]
-        self.loads_know_motion = bool(self._loads)
+        self._detached = detached
         self.mbs.Assemble()
         self._equations = Equations(self.mbs, threads(mbs))
         # to be asked for once: that takes twice as long as to set it
@@ -204,21 +198,25 @@ class HollowCopy:
         forces, g = self._unbalanced(t, wide, lam, at_once=True)
         return self._on_unknowns(forces[:, None], wide[0])[:, 0], g
 
-    def change_loads(
-        self, t: np.ndarray, states: Sequence[np.ndarray], moved: Sequence[np.ndarray], kept: np.ndarray
-    ) -> np.ndarray:
-        """Return whether user functions of loads do otherwise in moved states than in these, (T,)."""
-        found = np.zeros(len(t), bool)
-        here, there = [*map(self.wide, states)], [*map(self.wide, moved, np.moveaxis(kept, 1, 0))]
-        for i, now in enumerate(t):
-            before, after = (self._loads_at(now, [x[i] for x in one]) for one in (here, there))
-            found[i] = not np.array_equal(before, after)
-        return found
+    @cached_property
+    def _loads(self) -> list[tuple[Callable, Any]]:
+        """User functions of loads that may know more than the time, and the loads that these are given."""
+        loads = [(f, load) for load in Items(self.mbs).loads for f in functions_of(load)]
+        given = [(f, load.get("loadVector", load.get("load"))) for f, load in loads]
+        return [one for one in given if self._detached.may_know_motion(*one)]
 
-    def _loads_at(self, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
-        """What user functions of loads give in a state."""
-        self.set(t, *state)
-        return np.concatenate([np.ravel(function(self.mbs, t, given)) for function, given in self._loads])
+    @property
+    def loads_know_motion(self) -> bool:
+        """Whether user functions of loads may know more than the time."""
+        return bool(self._loads)
+
+    def loads(self, t: np.ndarray, states: Sequence[np.ndarray], kept: np.ndarray) -> np.ndarray:
+        """Return what user functions of loads give that may know more than the time, (T, .); kept : as above."""
+        found = []
+        for now, *state in zip(t, *map(self.wide, states, np.moveaxis(kept, 1, 0)), strict=True):
+            self.set(now, *state)
+            found.append(np.concatenate([np.ravel(f(self.mbs, now, given)) for f, given in self._loads]))
+        return np.array(found)
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
