@@ -18,9 +18,8 @@ PACKAGE = ROOT / "exudyn_romerr"
 PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 # A folder imports from itself and from what stands above it, annotations and imports inside functions included.
 ORDER = (
-    "_version errors causes checks progress process compiled linalg model basis linear.residual "
+    "_version errors checks progress process compiled linalg model basis linear.residual "
     "linear.estimators report linear.run linear mechanism mechanism_errors mechanism_bounds mode_selection "
-    "sweeps "
     "mbs.access mbs.floating mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
     "scripts __init__ __main__"
 ).split()

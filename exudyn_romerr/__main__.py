@@ -340,7 +340,7 @@ def _write(given: argparse.Namespace) -> None:
 
 
 def _collect(given: argparse.Namespace) -> None:
-    from .sweeps import text_of, write_table
+    from .mbs.studies.sweeps import text_of, write_table
 
     if given.to is None:
         print(text_of(given.file))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..causes import LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism_errors.half_widths import CauseEstimate
+from ..report.causes import LINEAR_MODES, STEPS_OF_MODES
 from .bounds import Proved
 
 WORTH = 10.0  # times estimates: bounds that are farther off in half of all rows tell nobody anything

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from ..mechanism.tangents import block_of
+from ..report.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from .end_state import EndState
 from .linearity import Linearity, UnmovedForces
 from .missed import MissedFeedback

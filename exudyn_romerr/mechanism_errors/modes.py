@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism.tangents import Block
+from ..report.causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from .factors import Factors, factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
 from .march import March, State

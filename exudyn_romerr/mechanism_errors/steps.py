@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..causes import FEEDBACK, LINEAR_STEPS
+from ..report.causes import FEEDBACK, LINEAR_STEPS
 from .flow import Flow
 from .half_widths import CauseEstimate, Largest, unchecked
 from .inner_loads import TrueLoads

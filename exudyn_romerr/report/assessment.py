@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
 from ..checks import check_choice
 from ..errors import InputError
 from .answers import ASSESSED, Answer, Limit, Tolerances
+from .causes import FEEDBACK, FURTHER_INTERFACES, LINEAR_INTERFACES
 from .data import OutputReport, ReportData, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Doubt, Reason, causes_of, cures_of
 from .verdict_text import TITLES, size_in_words

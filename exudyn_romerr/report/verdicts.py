@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 from .answers import NO_LIMIT, Answer, Limit, worst
+from .causes import FEEDBACK, FURTHER, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"
 COARSE = RESOLVED  # of what a sensor shows: an error of steps above it leaves nothing that could be judged

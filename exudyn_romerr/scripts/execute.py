@@ -13,7 +13,7 @@ from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..process import without_our_frames
+from ..process.own_frames import without_our_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..checks import check_choice
 from ..errors import InputError, RunError
-from ..process import interrupt_deferred
+from ..process.interrupts import interrupt_deferred
 from ..report.answers import Answer, Tolerances, tolerances_of, worst
 from ..report.judgement import Judgement, Solve, text
 from ..report.verdicts import CAUSES, beside_estimate

@@ -5,7 +5,7 @@ from types import ModuleType
 
 import pytest
 
-from exudyn_romerr import process
+from exudyn_romerr.process import blas_threads
 
 THREADS = 3
 
@@ -14,7 +14,7 @@ THREADS = 3
 def several_threads() -> Iterator[ModuleType]:
     """Let BLAS have THREADS threads within a test; yield threadpoolctl."""
     module = pytest.importorskip("threadpoolctl")
-    process._controller.cache_clear()  # other tests have loaded one more since, that of ngsolve
+    blas_threads._controller.cache_clear()  # other tests have loaded one more since, that of ngsolve
     with module.threadpool_limits(THREADS, user_api="blas"):
         if not counts(module):
             pytest.skip("NumPy and SciPy have no OpenBLAS here")

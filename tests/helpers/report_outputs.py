@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exudyn_romerr.causes import CAUSES
+from exudyn_romerr.report.causes import CAUSES
 from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.report import BoundReport, OutputReport
 from exudyn_romerr.report.scope import COMPLETE, COUPLED

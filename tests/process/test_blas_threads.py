@@ -6,8 +6,8 @@ from threading import Event, Thread
 
 import pytest
 
-from exudyn_romerr import process
-from exudyn_romerr.process import LIMITS, PATIENCE, OtherThreads, one_thread, threads
+from exudyn_romerr.process import blas_threads
+from exudyn_romerr.process.blas_threads import LIMITS, PATIENCE, OtherThreads, one_thread, threads
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 
 
@@ -85,10 +85,10 @@ def test_as_a_decorator_again_and_again(count):
 def test_nothing_happens_without_threadpoolctl(count, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "threadpoolctl", None)
-        process._controller.cache_clear()
+        blas_threads._controller.cache_clear()
         with one_thread():
             assert count() == {THREADS}
-    process._controller.cache_clear()
+    blas_threads._controller.cache_clear()
 
 
 @pytest.fixture
@@ -128,8 +128,8 @@ def test_threads_where_only_the_processors_of_the_machine_are_known(environment)
 def taken(environment, seconds):
     """Other threads, which have taken so much of what was watched; 1 s of ours goes by with it."""
     clocks = iter([5.0, 2.0, 6.0 + seconds, 3.0])  # of process and thread, before and after
-    environment.setattr(process, "time", type("Clocks", (), {"process_time": lambda: next(clocks)}))
-    process.time.thread_time = process.time.process_time
+    environment.setattr(blas_threads, "time", type("Clocks", (), {"process_time": lambda: next(clocks)}))
+    blas_threads.time.thread_time = blas_threads.time.process_time
     others = OtherThreads()
     with pytest.raises(ZeroDivisionError), others.watched():
         1 / 0  # noqa: B018

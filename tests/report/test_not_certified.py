@@ -14,6 +14,7 @@ from exudyn_romerr.linear.run.balance import Balance, SolverFacts
 from exudyn_romerr.linear.run.record import doubts_in
 from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody, ToleranceCheck
 from exudyn_romerr.mbs.monitoring.step_hook import live_line
+from exudyn_romerr.mbs.studies.sweeps import text_of
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice, TriedRun
@@ -26,7 +27,6 @@ from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_
 from exudyn_romerr.report.plots.panels import plot_causes, plot_report
 from exudyn_romerr.report.plots.style import new_figure, picture
 from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, Doubt, Reason, with_doubts
-from exudyn_romerr.sweeps import text_of
 from tests.helpers.report_outputs import output
 from tests.helpers.theorem import random_case
 from tests.report.saved_files import rewritten

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exudyn_romerr.causes import CAUSES as PARTS_OF_ESTIMATES
 from exudyn_romerr.report import verdicts
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.assessment import OF_BOUNDS_ALONE, of_estimates, rows_of
+from exudyn_romerr.report.causes import CAUSES as PARTS_OF_ESTIMATES
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY, Doubt, Reason
 from exudyn_romerr.report.verdicts import SHOWS_NOTHING, TOO_COARSE, judge
 from tests.helpers.report_outputs import estimated, output, report_of, with_rows

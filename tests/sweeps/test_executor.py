@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.sweeps import Failure, run_on
+from exudyn_romerr.mbs.studies.sweeps import Failure, run_on
 
 GRID = {"a": [1, 2, 3], "b": [0.5, 4.0]}
 PRODUCTS = [0.5, 4.0, 1.0, 8.0, 1.5, 12.0]

@@ -11,9 +11,9 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
+from exudyn_romerr.mbs.studies.sweeps import read_result, table_of
 from exudyn_romerr.report.scope import COUPLED
 from exudyn_romerr.report.wording import rounded_up
-from exudyn_romerr.sweeps import read_result, table_of
 from tests.helpers.theorem import random_case
 from tests.sweeps.test_executor import GRID, PRODUCTS, InCaller, product
 

@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...model.body import ElasticBody
 from ...model.matrix_checks import precision
 from ...model.outputs import Output
-from ...process import one_thread
+from ...process.blas_threads import one_thread
 from ...report.report import BoundReport
 from ..residual.samples import check_increasing
 from .prepare import BoundOptions, prepare

@@ -20,7 +20,7 @@ from ...errors import AssumptionError, InputError
 from ...linalg.eigenmodes import count_below
 from ...model.body import ElasticBody
 from ...model.outputs import Output
-from ...process import one_thread
+from ...process.blas_threads import one_thread
 from ...report.wording import axis_label, digits, percent, rounded_up, with_unit
 from ..estimators.round_off import RoundOff, of_input
 from ..residual.modal_split import AUTO_WITHOUT_OUTPUTS, LARGEST_CAP, above

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...causes import CAUSES
+from ...report.causes import CAUSES
 from ...report.data import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts

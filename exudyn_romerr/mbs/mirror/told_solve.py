@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from ...causes import CAUSES, REDUCTION
 from ...errors import AssumptionError, RunError
 from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
@@ -23,6 +22,7 @@ from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
+from ...report.causes import CAUSES, REDUCTION
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport

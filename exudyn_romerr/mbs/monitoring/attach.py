@@ -18,7 +18,7 @@ from ...linear.residual.problem import checked_outputs
 from ...linear.residual.residual import RESIDUALS
 from ...linear.run.prepare import TIMES, BoundOptions, checked_names
 from ...model.outputs import Output
-from ...process import one_thread
+from ...process.blas_threads import one_thread
 from ...report.data import IN_THE_FRAME
 from ...report.mechanism_report import check_names
 from ..access.mbs_items import Items

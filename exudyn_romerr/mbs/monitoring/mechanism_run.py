@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...causes import REDUCTION
 from ...errors import RunError
 from ...linear.run.record import Internal
+from ...report.causes import REDUCTION
 from ..access.solvers import SAME_TIME
 from ..mirror.recorder import StoredRows, as_rows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve

@@ -11,7 +11,7 @@ from exudyn.itemInterface import SensorUserFunction
 
 from ...checks import check_choice
 from ...errors import InputError, RunError
-from ...process import one_thread
+from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from ..access.mbs_items import sensor_names
 from ..access.solvers import note_end, on_purpose

@@ -14,7 +14,8 @@ import numpy as np
 from ...compiled.loops import loops
 from ...errors import AssumptionError, InputError, RunError
 from ...linear.run.run import BLOCK
-from ...process import OTHERS, interrupt_deferred, one_thread
+from ...process.blas_threads import OTHERS, one_thread
+from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
 from ...report.wording import rounded_up, under, with_unit
 from ..access.equations import IN_PLACE

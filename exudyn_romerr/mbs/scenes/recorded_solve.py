@@ -8,7 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
-from ...process import one_thread
+from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
 from ..access.mbs_items import sensor_names
 from ..access.solvers import SAME_TIME, holds_rates, scheme_from

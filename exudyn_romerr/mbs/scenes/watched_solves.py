@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from ...errors import RunError
-from ...process import without_our_places
+from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
 from ..access.solvers import INTERRUPTED, EndedBy, ended_by, note_end

@@ -9,7 +9,7 @@ from exudyn.processing import ParameterVariation
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...sweeps import Failure, Guarded, ResultFolder, Sweep, read_result, run_on
+from .sweeps import Failure, Guarded, ResultFolder, Sweep, read_result, run_on
 
 if TYPE_CHECKING:
     import os

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...causes import RESOLVED
 from ...checks import check_choice, check_count
 from ...errors import InputError, RunError
 from ...linear.residual.samples import SAME_TIMES
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.mode_choice import outputs_of
+from ...report.causes import RESOLVED
 from ...report.scope import COUPLED, FROZEN
 from ...report.wording import (
     NOT_THE_MECHANISM,

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ...causes import BY_STEPS, RESOLVED
 from ...checks import check_count
 from ...errors import InputError
 from ...linear.residual.samples import SAME_TIMES
+from ..causes import BY_STEPS, RESOLVED
 from ..data import ReportData
 from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit

@@ -16,9 +16,9 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 import exudyn_romerr as romerr
 from benchmarks import estimates
 from benchmarks.estimates import Row
-from exudyn_romerr.causes import RESOLVED
 from exudyn_romerr.mbs.floating import reference_search
 from exudyn_romerr.mbs.floating.floating_body import read_object
+from exudyn_romerr.report.causes import RESOLVED
 from exudyn_romerr.report.derived import features_of
 from models import estimate_truths, floating, mechanisms
 from models.estimate_scenes import SCENES

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .errors import InputError, RunError
-from .report.formats.atomic_write import write_whole
-from .report.formats.csv_table import csv_bytes, largest, main_series
-from .report.formats.npz_file import arrays_of
-from .report.mechanism_report import report_of
-from .report.report import BoundReport
-from .report.wording import digits, rounded_up
+from ...errors import InputError, RunError
+from ...report.formats.atomic_write import write_whole
+from ...report.formats.csv_table import csv_bytes, largest, main_series
+from ...report.formats.npz_file import arrays_of
+from ...report.mechanism_report import report_of
+from ...report.report import BoundReport
+from ...report.wording import digits, rounded_up
 
 Done = Callable[[int, Any], None]
 
