@@ -13,7 +13,7 @@ from .wording import digits, listed, percent, rounded_up
 TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = (
     "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does; "
-    "if it is: interfaces='rigid' (--interfaces rigid)"
+    "if it is: interfaces='rigid' (romerr run --interfaces rigid)"
 )
 CANCEL = "Enough as it is, for causes cancel each other: change none of them alone: {}."
 AFTER_THE_STEP = "All else is judged once steps are shorter: {}."

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from .verify import Verification
 
 INTERFACES = ("free", "rigid")
-RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
 NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
 NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing is reduced, so no mode is missing"
@@ -188,7 +187,6 @@ def run(
             _name_units(solve, units)
         error = f"{type(ending.error).__name__}: {ending.error}"
         notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
-        notes += [RIGID] if interfaces == "rigid" else []
         return Run(path, ending, watching.solves, notes, tolerances, arguments, units, home=home)
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..floating.floating_body import FloatingBody
     from .found_bodies import FoundBody
 
+RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
 ATTACHED_BY_SCRIPT = "the script attaches monitors of its own; the answer is theirs"
 
 
@@ -97,12 +98,14 @@ class RecordedSolve:
         asked = Asked(
             *(flexes, chosen, *of_solver), holds_rates=self._holds_rates, begun=self._begun, further=further
         )
+        messages = [RIGID] if any(flex.interfaces == "rigid" for flex in flexes) else []
+        solve.notes += messages
         found = []
         for i, rows in enumerate(runs):
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
             solve.content = told.content
-            found.append(told.report([*told.sensors, *chain(*told.of_bodies)]))
+            found.append(told.report([*told.sensors, *chain(*told.of_bodies)], messages=messages))
         return found
 
 
