@@ -64,11 +64,15 @@ class Held:
         """As users of this package have it."""
         return romerr.ElasticBody(*self._matrices, rayleigh=self.rayleigh, **self._options)
 
+    def hurty_craig_bampton(self, kind: str) -> np.ndarray:
+        """Exudyn's modes with "RBE2" or "RBE3" interfaces (N, 6 + MOST): static ones first."""
+        floating.craig_bampton(self.fem, ("left", "right"), MOST, kind)
+        return self.fem.modeBasis["matrix"].copy()
+
     @cached_property
     def craig_bampton(self) -> np.ndarray:
-        """Exudyn's Hurty-Craig-Bampton modes with RBE3 interfaces (N, 6 + MOST): static ones first."""
-        floating.craig_bampton(self.fem, ("left", "right"), MOST, "RBE3")
-        return self.fem.modeBasis["matrix"].copy()
+        """Those with RBE3 interfaces, made once."""
+        return self.hurty_craig_bampton("RBE3")
 
     @cached_property
     def fixed_frequencies(self) -> np.ndarray:
@@ -129,12 +133,15 @@ class Case:
         share = np.cumsum(power) / power.sum()
         return 2 * np.pi * np.searchsorted(share, 0.99) / (16 * len(self.t) * self.t[1])
 
+    def gains(self, of: Reduced) -> np.ndarray:
+        """What the load does to the modes of a reduced body (n,)."""
+        return of.shapes.T @ (self.held.modes.T @ self.held.loads[self.load])
+
     def motion(self, of: Reduced, order: int = 0) -> np.ndarray:
         """Coordinates (T, n) of the modes of a reduced body; order 1: their rates."""
         alpha, beta = self.held.rayleigh
-        gains = of.shapes.T @ (self.held.modes.T @ self.held.loads[self.load])
         numerator, found = [1.0] + [0.0] * order, np.empty((len(self.t), len(of.omega)))
-        for k, (omega, gain) in enumerate(zip(of.omega, gains, strict=True)):
+        for k, (omega, gain) in enumerate(zip(of.omega, self.gains(of), strict=True)):
             damped = [1.0, alpha + beta * omega**2, omega**2]
             b, a, _ = cont2discrete((numerator, damped), self.t[1], "foh")
             found[:, k] = lfilter(np.ravel(b), a, gain * self.force)

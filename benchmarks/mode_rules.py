@@ -24,9 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import exudyn_romerr as romerr
 from benchmarks import page
-from benchmarks.mode_rule_cases import MOST, Case, Held, Reduced, bodies, cases
+from benchmarks.mode_rule_cases import MOST, Case, Reduced, bodies, cases
 from benchmarks.mode_rules_figure import draw
-from models import floating
 
 ALLOWED = 0.01
 DOUBLED = (1, 2, 4, 8, 16, 32)
@@ -159,8 +158,7 @@ def largest_bound(case: Case, reduced: Reduced) -> float:
     held, force = case.held, case.force
     q, q_t = case.motion(reduced), case.motion(reduced, 1)
     alpha, beta = held.rayleigh
-    gains = reduced.shapes.T @ (held.modes.T @ held.loads[case.load])
-    q_tt = np.outer(force, gains) - (alpha + beta * reduced.omega**2) * q_t - reduced.omega**2 * q
+    q_tt = np.outer(force, case.gains(reduced)) - (alpha + beta * reduced.omega**2) * q_t - reduced.omega**2 * q
     outputs = [romerr.Output(name, row) for name, row in held.outputs.items()]
     report = romerr.evaluate(
         held.body,
@@ -265,20 +263,13 @@ def rigid_line(errors: dict[str, list[float]]) -> str:
     return f"rigid (RBE2) interfaces, {MOST} eigenmodes: {'; '.join(said)}"
 
 
-def rigid_modes(held: Held) -> np.ndarray:
-    """Craig-Bampton modes with RBE2 interfaces."""
-    fem = held.fem
-    floating.craig_bampton(fem, ("left", "right"), MOST, "RBE2")
-    return fem.modeBasis["matrix"].copy()
-
-
 def measured(count: int) -> tuple[str, dict[str, list[Number]]]:
     """Judge all rules on so many bodies; return the table, and all numbers by rule."""
     numbers: dict[str, list[Number]] = {name: [] for name in RULES}
     sizes: dict[str, dict[int, list[float]]] = {}
     rigid: dict[str, list[float]] = {}
     for held in islice(bodies(), count):
-        of_rigid = held.reduced(rigid_modes(held))
+        of_rigid = held.reduced(held.hurty_craig_bampton("RBE2"))
         for case in cases(held):
             families = {kind: kind(case) for kind, _ in RULES.values()}
             for name, number in judged(families):
