@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr import attach, process
+from exudyn_romerr import attach
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK
 from exudyn_romerr.mbs.floating import moving_subject
@@ -16,6 +16,7 @@ from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook
 from exudyn_romerr.mbs.monitoring.mechanism_run import MechanismRun
 from exudyn_romerr.mbs.monitoring.step_hook import LONGEST, block_rows
+from exudyn_romerr.process import blas_threads
 from models import floating
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 from tests.helpers.mbs_scenes import SOLVERS, TIP, Recorder, added, new_mbs, random_basis, scene, settings
@@ -291,7 +292,7 @@ class Clocks:
     """Other threads take PATIENCE each time that somebody looks."""
 
     def __init__(self):
-        self.of_process = count(step=process.PATIENCE)
+        self.of_process = count(step=blas_threads.PATIENCE)
 
     def process_time(self):
         """CPU time of all threads."""
@@ -315,12 +316,12 @@ class Limiting:
 )
 def test_runs_tell_once_what_other_threads_take(capfd, monkeypatch, controller, told):
     """Without threadpoolctl alone, on the console, not in reports: it is no matter of their numbers."""
-    others = process.OtherThreads()
-    for module in (process, step_hook):
+    others = blas_threads.OtherThreads()
+    for module in (blas_threads, step_hook):
         monkeypatch.setattr(module, "OTHERS", others)
-    monkeypatch.setattr(process, "time", Clocks())
-    monkeypatch.setattr(process, "threads", lambda: 2)
-    monkeypatch.setattr(process, "_controller", lambda: controller)
+    monkeypatch.setattr(blas_threads, "time", Clocks())
+    monkeypatch.setattr(blas_threads, "threads", lambda: 2)
+    monkeypatch.setattr(blas_threads, "_controller", lambda: controller)
     scene, monitor = solved()
     scene.mbs.SolveDynamic(scene.settings)
     reports = [str(monitor.report(i)) for i in range(2)]
