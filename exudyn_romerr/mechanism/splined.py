@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.interpolate import CubicSpline
 
 from .rotations import rotation_matrix, times_transposed
 from .rows import Rows
@@ -176,6 +175,8 @@ def _sparse(H: np.ndarray, t: np.ndarray, alike: np.ndarray) -> tuple[np.ndarray
 
 def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Values (R, k) of readings as a function of times (T,): cubic, linear where there are few."""
-    if len(t) > 3:
+    if len(t) > 3 and values.size:
+        from scipy.interpolate import CubicSpline  # here, for it takes a tenth of a second: more than many a solve
+
         return CubicSpline(t, values)
     return lambda at: np.array([np.interp(at, t, column) for column in values.T]).T.reshape(len(at), -1)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from ..model.admissible_space import Space
     from ..model.floating_frame import FramePose, Jitter
@@ -47,6 +49,9 @@ class Doubt(str):
 
 
 SMOOTHLY = "let loads begin smoothly"
+# of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude; where a load is
+# there at once, and stays, it is 0.5 at least; where one grows over three quarters of the longest period, 0.15
+AT_ONCE = 0.25
 
 
 class Reason(Enum):
@@ -143,3 +148,12 @@ class Scene:
     note: str = ""
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()
+
+
+def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
+    """Return what helps beside shorter steps where a body rings, for something acts on it at once; else nothing.
+
+    sizes : (T, 2), of its deformation and of the acceleration of that. omega_1 : its lowest frequency, rad/s.
+    """
+    displaced, accelerated = np.max(sizes[:, 0]), np.max(sizes[:2, 1])
+    return (SMOOTHLY,) if accelerated > AT_ONCE * omega_1**2 * displaced else ()

@@ -5,13 +5,15 @@ SolverFacts: what the solver tells, by which it is judged.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...linalg.blocked_products import largest_sizes, rows_times
 from ...report.scope import Doubt, Reason
-from .prepare import Offline
+
+if TYPE_CHECKING:
+    from .prepare import Offline
 
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed

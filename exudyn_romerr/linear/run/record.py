@@ -12,7 +12,7 @@ import numpy as np
 from ...linalg.blocked_products import norms_times
 from ...model.outputs import Output, View
 from ...report.data import NodeFields
-from ...report.scope import SMOOTHLY, Doubt
+from ...report.scope import Doubt, beside_steps
 from ..estimators.bounds import Bounds, Estimator, Worst, of_output
 from ..estimators.round_off import Rounded
 from ..residual.reconstruction import Quintic
@@ -34,9 +34,6 @@ class Internal(NamedTuple):
 
 
 BOUNDS = tuple(field.name for field in fields(Bounds))
-# of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude; where a load is
-# there at once, and stays, it is 0.5 at least; where one grows over three quarters of the longest period, 0.15
-AT_ONCE = 0.25
 
 
 class Stream:
@@ -210,15 +207,6 @@ class RunRecord:
     def beside_steps(self) -> tuple[str, ...]:
         """What helps beside shorter steps where the body rings, for something acts on it at once; else nothing."""
         return () if self.begins_late else beside_steps(self.kept("sizes"), self.offline.omega_1)
-
-
-def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
-    """Return what helps beside shorter steps where a body rings, for something acts on it at once; else nothing.
-
-    sizes : (T, 2), of its deformation and of the acceleration of that. omega_1 : its lowest frequency, rad/s.
-    """
-    displaced, accelerated = np.max(sizes[:, 0]), np.max(sizes[:2, 1])
-    return (SMOOTHLY,) if accelerated > AT_ONCE * omega_1**2 * displaced else ()
 
 
 def doubts_in(messages: Iterable[str]) -> list[Doubt]:

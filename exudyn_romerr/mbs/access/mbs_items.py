@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 FFRF, QUATERNIONS = "FFRFreducedOrder", "RigidBodyEP"  # types of floating bodies, of nodes with Euler parameters
 
@@ -24,6 +27,12 @@ class Items:
     markers = cached_property(lambda self: self._all("Marker"))
     loads = cached_property(lambda self: self._all("Load"))
     sensors = cached_property(lambda self: self._all("Sensor"))
+
+
+def slot_function(mbs: Any) -> Callable | None:
+    """Return the PostStep function that is set in the mbs, or None."""
+    slot = mbs.GetPostStepUserFunction()
+    return slot["function"] if slot else None
 
 
 def sensor_names(mbs: Any) -> list[str]:

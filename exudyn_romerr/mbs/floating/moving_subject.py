@@ -20,12 +20,13 @@ from ...linear.run.prepare import BoundOptions, prepare
 from ...model.floating_frame import FramePose, Jitter, translations
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ..access.mbs_items import Items, is_active, node_coordinates, nodes_of, numbers
+from ..access.mbs_items import Items, is_active, node_coordinates, numbers
 from ..access.solvers import load_factor
 from .built_in import as_built_in
 from .floating_body import read_object
+from .frame_node import require_free_node
 from .modal_damping import damping_text, require_modal_damping
-from .reference_search import seen_body
+from .reference_search import VECTORS, seen_body
 from .sampler import InputTerms, Sampler, wrenches_from_balance
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
@@ -115,22 +116,6 @@ def read_support(items: Items, model: ReducedMatrices, reference_markers: set[in
     return Support(False, "the frame moves as joints, connectors and loads let it")
 
 
-def require_free_node(items: Items, model: ReducedMatrices) -> None:
-    """AssumptionError if something acts on the frame's node itself, of modes that move the body in this frame.
-
-    A force there does no work on modes, as one on the body would, whose rigid part it moves.
-    """
-    own = {i for i, marker in enumerate(items.markers) if model.nodes[0] in nodes_of(marker)}
-    acting = [item["name"] for item in items.objects if own & numbers(item, "markerNumbers")]
-    acting += [load["name"] for load in items.loads if int(load["markerNumber"]) in own]
-    if acting:
-        raise AssumptionError(
-            f"{', '.join(acting)} act on the frame's node {model.nodes[0]} itself, and {model.rigid.share:.1e} of a "
-            "mode moves the body as a rigid one in this frame: call romerr.hold_modes(fem, nodes, weights) with the "
-            "interface that holds the frame before ObjectFFRFreducedOrderInterface(fem), or use markers on mesh nodes"
-        )
-
-
 def _welds(items: Items, item: dict, reference_markers: set[int]) -> bool:
     """Whether the object locks all six axes between a marker of the reference interface and the ground."""
     markers = numbers(item, "markerNumbers")
@@ -160,7 +145,6 @@ def _held_coordinates(items: Items, model: ReducedMatrices) -> set[int]:
 
 
 BY_MECHANISM = "linearised mechanism: modes by {} vectors, rigid interfaces by those that deform them; time steps"
-VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 
 
 class SampledSignal(InputSignal):

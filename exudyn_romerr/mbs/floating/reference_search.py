@@ -54,6 +54,7 @@ WITHOUT_RIGID = (
 # |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
 SMALL = 0.03
+VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
-from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.rows import Rows
@@ -26,12 +25,12 @@ from ...report.causes import CAUSES, REDUCTION
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
-from ...report.scope import COUPLED, Doubt, Reason
+from ...report.scope import COUPLED, Doubt, Reason, beside_steps
 from ..access.detached import user_functions
 from ..access.equations import state_set
 from ..access.mbs_items import node_coordinates
 from ..floating.built_in import as_built_in
-from ..floating.moving_subject import VECTORS
+from ..floating.reference_search import VECTORS
 from .hollow_copy import HollowCopy, require_covered, unknowns_of
 from .pre_step import Parameters, detached_with
 from .sensors import Sensors, ShownSensor

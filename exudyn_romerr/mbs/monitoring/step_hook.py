@@ -19,7 +19,7 @@ from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
 from ...report.wording import rounded_up, under, with_unit
 from ..access.equations import IN_PLACE
-from ..access.mbs_items import FFRF, Items
+from ..access.mbs_items import FFRF, Items, slot_function
 from ..access.solvers import holds_rates, just_begun, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
@@ -336,12 +336,6 @@ def block_rows(size: int, width: int = CACHED) -> int:
     """
     times = min(max(CACHED // (width * BLOCK), 1), LONGEST)
     return min(times * BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
-
-
-def slot_function(mbs: Any) -> Callable | None:
-    """Return the PostStep function that is set in the mbs, or None."""
-    slot = mbs.GetPostStepUserFunction()
-    return slot["function"] if slot else None
 
 
 def shared_hook(mbs: Any, user: Callable | None, *watches: MonitoredBody) -> StepHook:

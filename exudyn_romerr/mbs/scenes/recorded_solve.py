@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
-from ..access.mbs_items import sensor_names
+from ..access.mbs_items import sensor_names, slot_function
 from ..access.solvers import SAME_TIME, holds_rates, scheme_from
 from ..floating.floating_body import floating_body
 from ..floating.reference_search import seen_body
@@ -18,8 +18,6 @@ from ..floating.sensor_outputs import chosen_outputs, shows_motion
 from ..mirror.pre_step import parameters
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
-from ..monitoring.monitor import MechanismMonitor, Monitor
-from ..monitoring.step_hook import StepHook, slot_function
 from .found_bodies import NO_FEM
 
 if TYPE_CHECKING:
@@ -27,6 +25,7 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from ..access.solvers import EndedBy
     from ..floating.floating_body import FloatingBody
+    from ..monitoring.monitor import MechanismMonitor, Monitor
     from .found_bodies import FoundBody
 
 RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
@@ -36,6 +35,11 @@ ATTACHED_BY_SCRIPT = "the script attaches monitors of its own; the answer is the
 def monitor_of_script(mbs: Any) -> Monitor | MechanismMonitor | None:
     """Return what the script has attached to the mbs itself, or None."""
     hook = getattr(slot_function(mbs), "hook", None)
+    if hook is None:
+        return None
+    from ..monitoring.monitor import MechanismMonitor, Monitor  # here, for few scripts attach any
+    from ..monitoring.step_hook import StepHook
+
     if not isinstance(hook, StepHook) or not hook.watches:
         return None
     monitors = [Monitor(mbs, hook, watch) for watch in hook.watches]

@@ -12,8 +12,7 @@ from ..access.copied_mbs import object_terms, widened_node
 from ..access.mbs_items import dense
 from ..floating.built_in import add_weight, built_in, has_functions
 from ..floating.floating_body import floating_body, rayleigh_factors
-from ..floating.moving_subject import VECTORS
-from ..floating.reference_search import seen_body
+from ..floating.reference_search import VECTORS, seen_body
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
