@@ -13,12 +13,10 @@ import numpy as np
 from ...errors import AssumptionError
 from ...mechanism.rotations import body_rates
 from ...model.floating_frame import FrameMotion, skew
-from ..access.mbs_items import QUATERNIONS, Items, nodes_of, numbers
+from ..access.mbs_items import QUATERNIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from .floating_body import ReducedMatrices
 
 
 class FrameNode:
@@ -125,19 +123,3 @@ def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 ROTATIONS = {QUATERNIONS: _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}
-
-
-def require_free_node(items: Items, model: ReducedMatrices) -> None:
-    """AssumptionError if something acts on the frame's node itself, of modes that move the body in this frame.
-
-    A force there does no work on modes, as one on the body would, whose rigid part it moves.
-    """
-    own = {i for i, marker in enumerate(items.markers) if model.nodes[0] in nodes_of(marker)}
-    acting = [item["name"] for item in items.objects if own & numbers(item, "markerNumbers")]
-    acting += [load["name"] for load in items.loads if int(load["markerNumber"]) in own]
-    if acting:
-        raise AssumptionError(
-            f"{', '.join(acting)} act on the frame's node {model.nodes[0]} itself, and {model.rigid.share:.1e} of a "
-            "mode moves the body as a rigid one in this frame: call romerr.hold_modes(fem, nodes, weights) with the "
-            "interface that holds the frame before ObjectFFRFreducedOrderInterface(fem), or use markers on mesh nodes"
-        )

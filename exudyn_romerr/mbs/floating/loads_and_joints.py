@@ -366,3 +366,19 @@ def _join(joined: list[Place], place: Place) -> None:
             joined[k] = max(other, place, key=lambda p: p.columns.shape[1])
             return
     joined.append(place)
+
+
+def require_free_node(items: Items, model: ReducedMatrices) -> None:
+    """AssumptionError if something acts on the frame's node itself, of modes that move the body in this frame.
+
+    A force there does no work on modes, as one on the body would, whose rigid part it moves.
+    """
+    own = {i for i, marker in enumerate(items.markers) if model.nodes[0] in nodes_of(marker)}
+    acting = [item["name"] for item in items.objects if own & numbers(item, "markerNumbers")]
+    acting += [load["name"] for load in items.loads if int(load["markerNumber"]) in own]
+    if acting:
+        raise AssumptionError(
+            f"{', '.join(acting)} act on the frame's node {model.nodes[0]} itself, and {model.rigid.share:.1e} of a "
+            "mode moves the body as a rigid one in this frame: call romerr.hold_modes(fem, nodes, weights) with the "
+            "interface that holds the frame before ObjectFFRFreducedOrderInterface(fem), or use markers on mesh nodes"
+        )

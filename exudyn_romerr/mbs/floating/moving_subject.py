@@ -24,7 +24,7 @@ from ..access.mbs_items import Items, is_active, node_coordinates, numbers
 from ..access.solvers import load_factor
 from .built_in import as_built_in
 from .floating_body import read_object
-from .frame_node import require_free_node
+from .loads_and_joints import require_free_node
 from .modal_damping import damping_text, require_modal_damping
 from .reference_search import VECTORS, seen_body
 from .sampler import InputTerms, Sampler, wrenches_from_balance

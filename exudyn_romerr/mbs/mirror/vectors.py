@@ -23,7 +23,7 @@ from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
 from ..access.mbs_items import Items, node_coordinates
 from ..floating.floating_body import FloatingBody
-from ..floating.frame_node import require_free_node
+from ..floating.loads_and_joints import require_free_node
 from ..floating.reference_search import SeenBody, seen_body
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
