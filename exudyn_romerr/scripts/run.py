@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..report.answers import tolerances_of
+from ..report.answers import Answer, tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
 from .files import Judged, tried
@@ -33,6 +33,7 @@ NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing i
 NOTHING = "no reduced flexible body and no solve: nothing to tell"
 NOT_WATCHED = "{} in other processes ({} started) not watched: the answer below is of this process alone"
 MEASURE = "To measure what is not known: romerr verify {}"
+TUNE = "To find how many modes are enough: romerr tune {}"
 NOT_READ = "the script was not run: it is no Python that can be read ({})"
 CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the node of each body farthest from them"
 
@@ -133,8 +134,13 @@ class Run(Judged):
     def __str__(self) -> str:
         from ..report.judgement import text
 
-        again = shlex.join([self.script, *map(str, self.arguments)])
-        return "\n".join([*self.misspelt, text(self.judgement, again, MEASURE)])
+        again = [self.script, *map(str, self.arguments)]
+        lines = [*self.misspelt, text(self.judgement, shlex.join(again), MEASURE)]
+        of_modes = [row.of["modes"].answer for row in self.judgement.rows if "modes" in row.of]
+        if Answer.TOO_LARGE in of_modes:
+            asked = (word for text in self.tolerances.texts for word in ("--tolerance", text))
+            lines.append(TUNE.format(shlex.join([*asked, *again])))
+        return "\n".join(lines)
 
 
 def run(

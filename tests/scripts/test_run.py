@@ -104,7 +104,12 @@ def test_exit_statuses(tolerance, answer, tmp_path, capsys):
     given = answer or max((Answer(row["sum"]["answer"]) for row in told["sensors"]), key=list(Answer).index)
     assert told["answer"] == given.value
     assert status == STATUS[given]
-    assert "sensor" in capsys.readouterr().out
+    out, what_next = (
+        capsys.readouterr().out,
+        f"how many modes are enough: romerr tune --tolerance {tolerance} {script}",
+    )
+    assert "sensor" in out
+    assert (what_next in out) == any(row["modes"]["answer"] == "too large" for row in told["sensors"])
     if answer is None:
         answers = {row["name"]: row["sum"]["answer"] for row in told["sensors"] if row["sum"]["answer"] != "enough"}
         assert answers.pop("sensor1") != "no tolerance"
