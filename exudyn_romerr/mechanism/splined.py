@@ -28,8 +28,9 @@ class Reading:
     """Of all but floating bodies, in axes of bodies, at one row.
 
     M, D, K (n_a, n_a) : K without forces of constraints. G, C (c, n_a) of independent constraints: forces G^T lam,
-    what is kept zero C z. H (n_a, n_a, all) : change of the forces of constraints, for each multiplier. sampled :
-    empty, or (n_a, n_a) twice, what coordinates and rates at the begin of the step make of forces at its end.
+    what is kept zero C z. H (n_a n_a, all), sparse : change of the forces of constraints, for each multiplier; dense
+    it takes gigabytes of an engine. sampled : empty, or (n_a, n_a) twice, what coordinates and rates at the begin of
+    the step make of forces at its end.
     """
 
     M: np.ndarray
@@ -37,12 +38,12 @@ class Reading:
     K: np.ndarray
     G: np.ndarray
     C: np.ndarray
-    H: np.ndarray
+    H: sp.csr_matrix
     sampled: tuple[np.ndarray, ...] = ()
 
     def stiffness(self, multipliers: np.ndarray) -> np.ndarray:
         """K with what turning constraints add to it."""
-        return self.K + self.H @ multipliers if multipliers.size else self.K
+        return self.K + (self.H @ multipliers).reshape(self.K.shape)
 
 
 @dataclass(frozen=True)
@@ -107,10 +108,13 @@ class Splined:
         turning: Sequence[TurningRows] = (),
     ):
         self._fixed, self._varying, both, t = {}, {}, scales * scales[:, None], rows.t
-        self._turning, forces, H = turning, forces.copy(), np.array([one.H for one in readings])
-        for of in turning:
-            H[..., of.all] = H[..., of.all] @ of.axes(rows)[:, None]
-            forces[of.all] = forces[of.all].max()
+        self._turning, forces, H = turning, forces.copy(), [one.H for one in readings]
+        if turning:
+            axes = np.tile(np.eye(len(forces)), (len(readings), 1, 1))
+            for of in turning:
+                axes[:, of.all, of.all] = of.axes(rows)
+                forces[of.all] = forces[of.all].max()
+            H = [one @ sp.csr_matrix(A) for one, A in zip(H, axes, strict=True)]
         parts = {name: [getattr(one, name) for one in readings] for name in PARTS}
         if any(np.any(one.sampled) for one in readings):
             parts |= zip(SAMPLED, zip(*(one.sampled for one in readings), strict=True), strict=True)
@@ -126,7 +130,7 @@ class Splined:
                 moves,
                 _over_time(t, values.reshape(len(values), -1)[:, moves]) if len(moves) else None,
             )
-        self._by_multiplier = _sparse(H, t, both[..., None] * forces)
+        self._by_multiplier = _by_multiplier(H, t, both.ravel(), forces)
 
     def __call__(self, name: str, rows: Rows) -> np.ndarray:
         """Return a part of PARTS, or of SAMPLED, at rows of the run, (T, ...)."""
@@ -159,18 +163,23 @@ class Splined:
         return K
 
 
-def _sparse(H: np.ndarray, t: np.ndarray, alike: np.ndarray) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
-    """Entries of H (readings, n_a, n_a, all) that are not zero: multipliers, values over time, where they go.
+def _by_multiplier(
+    H: Sequence[sp.csr_matrix], t: np.ndarray, both: np.ndarray, forces: np.ndarray
+) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
+    """Entries of readings of H that are not zero: multipliers, values over time, where they go.
 
-    alike (n_a, n_a, all) : times these entries are works.
+    both (n_a n_a,), forces (all,) : times these entries are works.
     """
-    R, n, _, count = H.shape
-    flat = H.reshape(R, -1)
-    size = (np.abs(H).max(axis=0, initial=0.0) * alike).ravel()
-    used = np.flatnonzero(size > CONSTANT * size.max(initial=0.0))
-    place, number = np.divmod(used, max(count, 1))
-    gathers = sp.csr_matrix((np.ones(len(used)), (np.arange(len(used)), place)), shape=(len(used), n * n))
-    return number, _over_time(t, flat[:, used]), gathers
+    most = abs(H[0])
+    for one in H[1:]:
+        most = most.maximum(abs(one))
+    most = sp.coo_matrix(most)
+    size = most.data * both[most.row] * forces[most.col]
+    used = size > CONSTANT * size.max(initial=0.0)
+    place, number = most.row[used], most.col[used]
+    gathers = sp.csr_matrix((np.ones(len(place)), (np.arange(len(place)), place)), shape=(len(place), len(both)))
+    values = np.array([np.asarray(one[place, number]).ravel() for one in H])
+    return number, _over_time(t, values), gathers
 
 
 def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from exudyn_romerr.mechanism.readings import FIRST, MOST, Readings
 from exudyn_romerr.mechanism.rotations import rotation_matrix, skew
@@ -29,7 +30,7 @@ class Source:
         H = np.zeros((2, 2, 1))
         H[0, 0] = 3.0 / self.unit**2
         C = np.array([[1.0, 0.0]])
-        return Reading(np.eye(2) / self.unit**2, np.zeros((2, 2)), K, C, C, H)
+        return Reading(np.eye(2) / self.unit**2, np.zeros((2, 2)), K, C, C, sp.csr_matrix(H.reshape(-1, H.shape[2])))
 
     def note_dependence(self, readings):
         self.noted = len(readings)
@@ -111,7 +112,7 @@ class Hinge(Source):
         H = np.zeros((6, 6, 6))
         for j in range(3):  # of G^T lam = of_body^T A^T lam, by a turn in axes of the body
             H[:, 3:, 1 + j] = of_body.T @ skew(A[j])
-        return Reading(np.eye(6), np.zeros((6, 6)), np.zeros((6, 6)), C, C, H)
+        return Reading(np.eye(6), np.zeros((6, 6)), np.zeros((6, 6)), C, C, sp.csr_matrix(H.reshape(-1, H.shape[2])))
 
 
 def test_rows_that_turn_with_a_body_are_read_in_its_axes():

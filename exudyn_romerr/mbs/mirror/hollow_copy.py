@@ -13,6 +13,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
@@ -243,9 +244,11 @@ class HollowCopy:
         most = (x.max(axis=0, initial=0.0) for x in (np.abs(R), np.abs(G_t) @ np.abs(lam)))
         self._acting = np.maximum(self._acting, sum(most))
         found = [x.reshape(2, len(use), *x.shape[1:]) for x in (R, G_t, g)]
-        K, H, C = (np.zeros((n, *x.shape[2:])) for x in found)
-        for whole, x in zip((K, H, C), found, strict=True):
-            whole[use] = (x[0] - x[1]) / (2 * self.scales[use]).reshape(-1, *[1] * (x.ndim - 2))
+        of_R, of_G, of_g = (((x[0] - x[1]).T / (2 * self.scales[use])).T for x in found)
+        K, C = np.zeros((n, n)), np.zeros((n, of_g.shape[1]))
+        K[use], C[use] = of_R, of_g
+        j, i, number = np.nonzero(of_G)
+        H = sp.csr_matrix((of_G[j, i, number], (i * n + use[j], number)), shape=(n * n, of_G.shape[2]))
         D = self._damping(t, state, J)
         self.set(t, *state)
         M = J[0].T @ self._equations.mass(self.mbs) @ J[0]
@@ -254,7 +257,7 @@ class HollowCopy:
             self.independent = self._independent(C.T, whole, J[0])
         late = () if self._pre_step is None else self._feedback(t, state, lam, J[0])
         of_constraints = whole[self.independent] @ J[0], C.T[self.independent]
-        return Reading(M, D, K.T, *of_constraints, H.transpose(1, 0, 2), late)
+        return Reading(M, D, K.T, *of_constraints, H, late)
 
     def _feedback(
         self, t: float, state: Sequence[np.ndarray], lam: np.ndarray, J_end: np.ndarray
@@ -294,8 +297,9 @@ class HollowCopy:
         both = self.scales * self.scales[:, None]
         rows, columns = np.zeros((2, self._unknowns.n_a))
         for one in readings:
-            for x in (one.K, one.D, np.moveaxis(one.H, -1, 0)):
-                x = np.abs(x).reshape(-1, *both.shape).max(axis=0, initial=0.0) * both
+            of_H = abs(one.H).max(axis=1).toarray() if one.H.shape[1] else np.zeros(both.size)
+            for x in (one.K, one.D, of_H.reshape(both.shape)):
+                x = np.abs(x) * both
                 if largest := x.max(initial=0.0):
                     rows = np.maximum(rows, x.max(axis=1) / largest)
                     columns = np.maximum(columns, x.max(axis=0) / largest)
