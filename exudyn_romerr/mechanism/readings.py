@@ -85,6 +85,7 @@ class Readings:
         """Whether the tangents of the next row are others."""
         one, two, both = self._read[i], self._read[i + 1], self._source.scales * self._source.scales[:, None]
         pairs = [(one.D, two.D), (one.K, two.K), *zip(one.sampled[::-1], two.sampled[::-1], strict=True)]
+        pairs = [(a.toarray(), b.toarray()) for a, b in pairs]
         return any(
             _relative((b - a) * both, np.maximum(np.abs(a), np.abs(b)) * both, least) > JUMP
             for (a, b), least in zip(pairs, 2 * self._least[1:], strict=False)
@@ -108,14 +109,16 @@ class Readings:
         now, part, scale = self._read[i], self._rows[i : i + 1], self._source.scales
         both = scale * scale[:, None]
         K = now.stiffness(part.multipliers[0]), splined.stiffness(part)[0]
-        pairs = [*zip((now.M, now.D, K[0]), (splined("M", part)[0], splined("D", part)[0], K[1]), strict=True)]
-        fed_back = splined.sampled(part) or [0.0 * x[None] for x in now.sampled]
-        pairs += [(now.sampled[k], fed_back[k][0]) for k in range(len(now.sampled))][::-1]
+        pairs = [(getattr(now, name).toarray(), splined(name, part)[0]) for name in ("M", "D")] + [K]
+        sampled = [x.toarray() for x in now.sampled]
+        fed_back = splined.sampled(part) or [0.0 * x[None] for x in sampled]
+        pairs += [(sampled[k], fed_back[k][0]) for k in range(len(sampled))][::-1]
         off = (
             _relative((there - here) * both, here * both, least)
             for (here, there), least in zip(pairs, self._least + self._least[1:], strict=False)
         )
-        return max(*off, _relative((splined("C", part)[0] - now.C) * scale, now.C * scale))
+        C = now.C.toarray()
+        return max(*off, _relative((splined("C", part)[0] - C) * scale, C * scale))
 
 
 def _relative(off: np.ndarray, of: np.ndarray, least: float = 0.0) -> float:

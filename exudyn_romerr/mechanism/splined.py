@@ -17,6 +17,7 @@ from .rows import Rows
 from .unknowns import TurningNode
 
 CONSTANT = 1e-11  # of the largest of alike entries: one that varies by less does not
+KNOTS = 16  # of a spline that are worked at once, with as many beside: those farther off count by 0.27^16 = 1e-9
 STEADIER = 0.1  # times what rows vary in other axes: those in which they vary less are taken
 PARTS = ("M", "D", "K", "G", "C")
 OF_CONSTRAINTS = ("G", "C")
@@ -25,25 +26,29 @@ SAMPLED = ("by coordinates", "by rates")  # parts of Reading.sampled
 
 @dataclass(frozen=True)
 class Reading:
-    """Of all but floating bodies, in axes of bodies, at one row.
+    """Of all but floating bodies, in axes of bodies, at one row; sparse, for an engine is read a thousand times.
 
     M, D, K (n_a, n_a) : K without forces of constraints. G, C (c, n_a) of independent constraints: forces G^T lam,
-    what is kept zero C z. H (n_a n_a, all), sparse : change of the forces of constraints, for each multiplier; dense
-    it takes gigabytes of an engine. sampled : empty, or (n_a, n_a) twice, what coordinates and rates at the begin of
-    the step make of forces at its end.
+    what is kept zero C z. H (n_a n_a, all) : change of the forces of constraints, for each multiplier. sampled :
+    empty, or (n_a, n_a) twice, what coordinates and rates at the begin of the step make of forces at its end.
     """
 
-    M: np.ndarray
-    D: np.ndarray
-    K: np.ndarray
-    G: np.ndarray
-    C: np.ndarray
+    M: sp.csr_matrix
+    D: sp.csr_matrix
+    K: sp.csr_matrix
+    G: sp.csr_matrix
+    C: sp.csr_matrix
     H: sp.csr_matrix
-    sampled: tuple[np.ndarray, ...] = ()
+    sampled: tuple[sp.csr_matrix, ...] = ()
+
+    @classmethod
+    def of(cls, *parts: np.ndarray | sp.csr_matrix, sampled: Sequence[np.ndarray] = ()) -> Reading:
+        """Return one of M, D, K, G, C, H and what is sampled, which may be dense."""
+        return cls(*map(sp.csr_matrix, parts), tuple(map(sp.csr_matrix, sampled)))
 
     def stiffness(self, multipliers: np.ndarray) -> np.ndarray:
-        """K with what turning constraints add to it."""
-        return self.K + (self.H @ multipliers).reshape(self.K.shape)
+        """K (n_a, n_a) with what turning constraints add to it."""
+        return self.K.toarray() + (self.H @ multipliers).reshape(self.K.shape)
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ def turning_rows(
     rows : of the readings. scales (n_a,) : finite motions that are alike.
     """
     found, i = [], 0
-    both = np.array([np.stack([one.G, one.C]) for one in readings]) * scales
+    both = np.array([[x.toarray() for x in (one.G, one.C)] for one in readings]) * scales
     while i + 2 < len(independent):
         three, first, best = both[:, :, i : i + 3], independent[i], None
         if independent[i + 2] == first + 2:
@@ -107,36 +112,41 @@ class Splined:
         forces: np.ndarray,
         turning: Sequence[TurningRows] = (),
     ):
-        self._fixed, self._varying, both, t = {}, {}, scales * scales[:, None], rows.t
-        self._turning, forces, H = turning, forces.copy(), [one.H for one in readings]
-        if turning:
-            axes = np.tile(np.eye(len(forces)), (len(readings), 1, 1))
-            for of in turning:
-                axes[:, of.all, of.all] = of.axes(rows)
-                forces[of.all] = forces[of.all].max()
-            H = [one @ sp.csr_matrix(A) for one, A in zip(H, axes, strict=True)]
+        self._fixed, self._varying, t = {}, {}, rows.t
+        both, n, forces = np.outer(scales, scales).ravel(), len(scales), forces.copy()
+        self._turning, H = turning, [one.H for one in readings]
         parts = {name: [getattr(one, name) for one in readings] for name in PARTS}
-        if any(np.any(one.sampled) for one in readings):
+        if turning:
+            sizes = len(forces), parts["G"][0].shape[0]
+            of_all, of_own = (np.tile(np.eye(size), (len(readings), 1, 1)) for size in sizes)
+            for of in turning:
+                of_all[:, of.all, of.all] = of_own[:, of.own, of.own] = of.axes(rows)
+                forces[of.all] = forces[of.all].max()
+            H = [x @ sp.csr_matrix(A) for x, A in zip(H, of_all, strict=True)]
+            for name in OF_CONSTRAINTS:
+                parts[name] = [sp.csr_matrix(A.T) @ x for x, A in zip(parts[name], of_own, strict=True)]
+        if any(x.nnz for one in readings for x in one.sampled):
             parts |= zip(SAMPLED, zip(*(one.sampled for one in readings), strict=True), strict=True)
         for name, of_readings in parts.items():
-            values = np.array(of_readings)
-            for of in turning if name in OF_CONSTRAINTS else ():
-                values[:, of.own] = of.axes(rows).swapaxes(1, 2) @ values[:, of.own]
-            alike, axes = (scales, (0, 2)) if name in OF_CONSTRAINTS else (both, None)
-            least = CONSTANT * np.abs(values * alike).max(axis=axes, initial=0.0, keepdims=True)
-            moves = np.flatnonzero(np.ptp(values * alike, axis=0) > least[0])
-            self._fixed[name] = values[0]
-            self._varying[name] = (
-                moves,
-                _over_time(t, values.reshape(len(values), -1)[:, moves]) if len(moves) else None,
-            )
-        self._by_multiplier = _by_multiplier(H, t, both.ravel(), forces)
+            place, values = _stacked(of_readings)
+            sizes = np.abs(values).max(axis=0, initial=0.0)
+            if name in OF_CONSTRAINTS:
+                alike, most = scales[place % n], np.zeros(of_readings[0].shape[0])
+                np.maximum.at(most, place // n, sizes * alike)
+                most = most[place // n]
+            else:
+                alike = both[place]
+                most = (sizes * alike).max(initial=0.0)
+            moves = np.ptp(values, axis=0) * alike > CONSTANT * most
+            self._fixed[name] = of_readings[0].toarray()
+            self._varying[name] = place[moves], _over_time(t, values[:, moves])
+        self._by_multiplier = _by_multiplier(H, t, both, forces)
 
     def __call__(self, name: str, rows: Rows) -> np.ndarray:
         """Return a part of PARTS, or of SAMPLED, at rows of the run, (T, ...)."""
         fixed, (moves, spline) = self._fixed[name], self._varying[name]
         found = np.tile(fixed.ravel(), (len(rows), 1))
-        if spline is not None:
+        if len(moves):
             found[:, moves] = spline(rows.t)
         found = found.reshape(len(rows), *fixed.shape)
         for of in self._turning if name in OF_CONSTRAINTS else ():
@@ -170,22 +180,54 @@ def _by_multiplier(
 
     both (n_a n_a,), forces (all,) : times these entries are works.
     """
-    most = abs(H[0])
-    for one in H[1:]:
-        most = most.maximum(abs(one))
-    most = sp.coo_matrix(most)
-    size = most.data * both[most.row] * forces[most.col]
+    place, values = _stacked(H)
+    place, number = np.divmod(place, max(len(forces), 1))
+    size = np.abs(values).max(axis=0, initial=0.0) * both[place] * forces[number]
     used = size > CONSTANT * size.max(initial=0.0)
-    place, number = most.row[used], most.col[used]
-    gathers = sp.csr_matrix((np.ones(len(place)), (np.arange(len(place)), place)), shape=(len(place), len(both)))
-    values = np.array([np.asarray(one[place, number]).ravel() for one in H])
-    return number, _over_time(t, values), gathers
+    place, number, count = place[used], number[used], int(used.sum())
+    gathers = sp.csr_matrix((np.ones(count), (np.arange(count), place)), shape=(count, len(both)))
+    return number, _over_time(t, values[:, used]), gathers
+
+
+def _stacked(of: Sequence[sp.csr_matrix]) -> tuple[np.ndarray, np.ndarray]:
+    """Flat numbers (k,) of entries that are not zero in one of R matrices, and what they are in each, (R, k)."""
+    entries = [(x.row.astype(np.int64) * x.shape[1] + x.col, x.data) for x in (one.tocoo() for one in of)]
+    is_used = np.zeros(np.prod(of[0].shape), bool)
+    for numbers, _ in entries:
+        is_used[numbers] = True
+    place = np.flatnonzero(is_used)
+    values = np.zeros((len(of), len(place)))
+    for row, (numbers, data) in zip(values, entries, strict=True):
+        row[np.searchsorted(place, numbers)] = data
+    return place, values
 
 
 def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Values (R, k) of readings as a function of times (T,): cubic, linear where there are few."""
-    if len(t) > 3 and values.size:
-        from scipy.interpolate import CubicSpline  # here, for it takes a tenth of a second: more than many a solve
+    if len(t) <= 3 or not values.size:
+        return lambda at: np.array([np.interp(at, t, column) for column in values.T]).T.reshape(len(at), -1)
+    from scipy.interpolate import CubicSpline  # here, for it takes a tenth of a second: more than many a solve
 
-        return CubicSpline(t, values)
-    return lambda at: np.array([np.interp(at, t, column) for column in values.T]).T.reshape(len(at), -1)
+    return CubicSpline(t, values) if len(t) <= 4 * KNOTS else _Windows(t, values, CubicSpline)
+
+
+class _Windows:
+    """A cubic spline through values (R, k) at times t (R,), made where it is asked for: whole it takes gigabytes."""
+
+    def __init__(self, t: np.ndarray, values: np.ndarray, spline: Callable):
+        self._t, self._values, self._spline, self._last = t, values, spline, (-1, None)
+
+    def __call__(self, at: np.ndarray) -> np.ndarray:
+        """Return the values (T, k) at times (T,)."""
+        windows = np.maximum(np.searchsorted(self._t, at, "right") - 1, 0) // KNOTS
+        found = np.empty((len(at), self._values.shape[1]))
+        for window in np.unique(windows):
+            here = windows == window
+            found[here] = self._of(window)(at[here])
+        return found
+
+    def _of(self, window: int) -> Callable:
+        if self._last[0] != window:
+            part = slice(max((window - 1) * KNOTS, 0), (window + 2) * KNOTS)
+            self._last = window, self._spline(self._t[part], self._values[part])
+        return self._last[1]

@@ -13,6 +13,10 @@ from .rows import Rows, Samples
 from .splined import Splined
 from .unknowns import Unknowns
 
+# rows that are worked at once: more make no faster, fewer are calls alone; numbers of one of their matrices: those
+# of 30 modes leave the cache with 256 rows, those of an engine take gigabytes with 128
+MOST_ROWS, LEAST_ROWS, AT_ONCE = 128, 16, 128**3
+
 
 @dataclass
 class Block(Samples):
@@ -44,6 +48,11 @@ class Block(Samples):
         S, S1 = self.sampled
         M, D, K = self.rest
         return replace(self, D=self.D + S1, K=self.K + S, rest=[M, D + S1, K + S], sampled=[])
+
+
+def rows_at_once(unknowns: Unknowns) -> int:
+    """Return how many rows of a run a block has."""
+    return max(LEAST_ROWS, min(MOST_ROWS, AT_ONCE // max(unknowns.n_a, 1) ** 2))
 
 
 def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..mechanism.tangents import block_of
+from ..mechanism.tangents import block_of, rows_at_once
 from ..report.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from .end_state import EndState
 from .linearity import Linearity, UnmovedForces
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .half_widths import CauseEstimate
 
 LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LINEAR_STEPS}  # checks by cause
-BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once (256 of 30 modes leave the cache), and beside them
+NEIGHBOURS = 2  # rows beside a block
 
 
 def estimates(
@@ -38,9 +38,10 @@ def estimates(
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
     steps, linearity = Steps(of, before), Linearity(of)
     feedback = MissedFeedback(of) if of.readings.splined.is_sampled else None
-    for a in range(0, S, BLOCK):
-        own = slice(a, min(a + BLOCK, S))
-        near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
+    count = rows_at_once(of.unknowns)
+    for a in range(0, S, count):
+        own = slice(a, min(a + count, S))
+        near = slice(max(a - NEIGHBOURS, 0), min(a + count + NEIGHBOURS, S))
         wide = block_of(of.rows[near], of.unknowns, of.readings.splined)
         inner = slice(own.start - near.start, own.stop - near.start)
         block, unmoved = wide[inner], UnmovedForces(of, of.rows[own])

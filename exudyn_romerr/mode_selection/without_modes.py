@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..mechanism.tangents import block_of
+from ..mechanism.tangents import block_of, rows_at_once
 from ..mechanism_errors.factors import bordered_inverses, bordered_pseudoinverses
 from ..mechanism_errors.march import is_at_rest, predicted
 from ..mechanism_errors.reduced_system import ReducedSystem
@@ -22,7 +22,6 @@ from ..mechanism_errors.reduced_system import ReducedSystem
 if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
 
-BLOCK = 128  # rows that are worked at once
 # of what a sensor shows: a mode that carries all of it takes all away, and others may then ring as much
 LOST = 2.0
 FIXED = 1e-14  # of the largest answer to a unit force: a coordinate that answers less cannot be left out
@@ -77,8 +76,8 @@ class WithoutModes:
     def _changes(self) -> Iterator[np.ndarray]:
         """Yield what outputs change by without each mode, (T, R, modes), block by block."""
         u, x, before = self._unknowns, None, 0.0
-        for a in range(0, len(self._rows), BLOCK):
-            rows = self._rows[a : a + BLOCK]
+        for a in range(0, len(self._rows), count := rows_at_once(u)):
+            rows = self._rows[a : a + count]
             system = ReducedSystem.of(block_of(rows, u, self._splined), u)
             h = np.diff(rows.t, prepend=before if a else rows.t[0] - 1.0)
             before, (c1, c2) = rows.t[-1], self._scheme.mass_and_damping(h)

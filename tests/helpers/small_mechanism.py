@@ -56,4 +56,4 @@ class SmallMechanism:
         C = np.zeros((1, n))
         C[0, [0, n - 3]] = 1.0, -0.5
         sampled = tuple(0.1**k * np.outer(*rng.normal(size=(2, n))) for k in range(2)) if self._samples else ()
-        return Reading(M, 0.01 * half @ half.T, half @ half.T, C, C, sp.csr_matrix((n * n, 1)), sampled)
+        return Reading.of(M, 0.01 * half @ half.T, half @ half.T, C, C, sp.csr_matrix((n * n, 1)), sampled=sampled)

@@ -257,7 +257,7 @@ class HollowCopy:
             self.independent = self._independent(C.T, whole, J[0])
         late = () if self._pre_step is None else self._feedback(t, state, lam, J[0])
         of_constraints = whole[self.independent] @ J[0], C.T[self.independent]
-        return Reading(M, D, K.T, *of_constraints, H, late)
+        return Reading.of(M, D, K.T, *of_constraints, H, sampled=late)
 
     def _feedback(
         self, t: float, state: Sequence[np.ndarray], lam: np.ndarray, J_end: np.ndarray
@@ -298,19 +298,20 @@ class HollowCopy:
         rows, columns = np.zeros((2, self._unknowns.n_a))
         for one in readings:
             of_H = abs(one.H).max(axis=1).toarray() if one.H.shape[1] else np.zeros(both.size)
-            for x in (one.K, one.D, of_H.reshape(both.shape)):
+            for x in (one.K.toarray(), one.D.toarray(), of_H.reshape(both.shape)):
                 x = np.abs(x) * both
                 if largest := x.max(initial=0.0):
                     rows = np.maximum(rows, x.max(axis=1) / largest)
                     columns = np.maximum(columns, x.max(axis=0) / largest)
-            x = (np.abs(one.C) * self.scales).max(axis=0, initial=0.0)
+            x = (np.abs(one.C.toarray()) * self.scales).max(axis=0, initial=0.0)
             if largest := x.max(initial=0.0):
                 columns = np.maximum(columns, x / largest)
         acting = self._acting * self.scales
         rows = np.maximum(rows, acting / acting.max() if acting.any() else 0.0)
         self.felt, self.seen = (np.flatnonzero(x > UNSEEN) for x in (rows, columns))
-        if any(np.any(one.sampled) for one in readings):
-            self.sampled = np.flatnonzero(np.any([one.sampled for one in readings], axis=(0, 1, 2)))
+        sampled = [x for one in readings for x in one.sampled]
+        if any(x.nnz for x in sampled):
+            self.sampled = np.unique(np.concatenate([x.indices for x in sampled]))
 
     def _damping(self, t: float, state: list[np.ndarray], J: np.ndarray) -> np.ndarray:
         """Derivative by rates; zero where forces do not know them, which is tried along one of them all."""
