@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks import bounds, half_widths, told_and_true
+from benchmarks import bounds, constants, half_widths, told_and_true
+from exudyn_romerr.mechanism_errors import half_widths as of_package
 
 GOOD = {"name": "tip", "component": 0, "cause": "modes", "true": 1.0, "unsure": 0.01}
 GOOD |= {"is known": True, "told": 1.5, "half": 0.3, "off": 0.1, "inside": 1.0}
@@ -104,3 +105,17 @@ def test_examples_are_compared_with_what_was_measured():
     modes, step = half_widths.of_example([told | rest], [true | rest])
     assert half_widths.is_good(modes)
     assert (step["true"], step["is known"]) == (2.0, False)
+
+
+def test_numbers_that_decide_are_moved(capsys):
+    """SHARE is a share of estimates in their half widths: four times as much makes a number less sharp."""
+    kept = of_package.SHARE
+    text = constants.main(["--seeds", "1", "--only", "SHARE"])
+    assert of_package.SHARE == kept
+    assert "as they are" in text
+    assert "mechanism_errors.half_widths.SHARE" in text
+    (module, name, value) = next(x for x in constants.numbers_of("mechanism_errors") if x[1] == "SHARE")
+    here = constants.figures([0])
+    with constants.moved(module, name, 100.0):
+        assert of_package.SHARE == 100 * value
+        assert constants.figures([0]).good < here.good
