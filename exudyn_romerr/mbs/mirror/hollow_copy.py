@@ -134,10 +134,12 @@ class HollowCopy:
         """Return M a - f (T, n_a), G^T (T, n_a, all), g (T, all) in states (T, size), in axes of their bodies."""
         T, count = len(q), len(self._state[3])  # T is 0 where forces know no unknown
         R, G, g = (np.zeros((T, *shape)) for shape in ((self.size,), (count, self.size), (count,)))
+        is_constrained = self.independent is None or len(self.independent)  # by more than lengths of Euler parameters
         for i, state in enumerate(zip(q, v, a, strict=True)):
             R[i] = self._forces(t, *state)
-            G[i] = self._equations.constraints(self.mbs)
-            g[i] = self._equations.drift(self.mbs)
+            if is_constrained:
+                G[i] = self._equations.constraints(self.mbs)
+                g[i] = self._equations.drift(self.mbs)
         whole = self._on_unknowns(np.concatenate([R[:, None], G], axis=1), q)
         return whole[:, 0], whole[:, 1:].swapaxes(1, 2), g
 
