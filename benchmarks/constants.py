@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from textwrap import wrap
 from types import ModuleType
 from typing import NamedTuple
 
@@ -102,7 +103,7 @@ def table(seeds: list[int], only: list[str]) -> str:
             others += [] if changed else [label]
             print(*changed or [f"{label}: no figure changes"], sep="\n", file=sys.stderr, flush=True)
     unmoved = f"{len(others)} more, of which neither changes a figure: {', '.join(others)}" if others else ""
-    return "\n".join([HEAD, line_of("as they are", here), *lines, unmoved]).rstrip()
+    return "\n".join([HEAD, line_of("as they are", here), *lines, *wrap(unmoved, 130)])
 
 
 def main(arguments: list[str] | None = None) -> str:
