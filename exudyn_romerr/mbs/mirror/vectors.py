@@ -13,13 +13,16 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
+from ...errors import AssumptionError
 from ...linalg.orthogonalise import m_orthonormal, without
 from ...mechanism.body import Body, Place
+from ...mechanism.rows import Rows
 from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
-from ...mechanism_errors.modes import PARTS
+from ...mechanism_errors.modes import PARTS, OfBody
 from ...model.admissible_space import rigid_modes
 from ...model.shared_body import made_once
+from ...report.data import NodeFields
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
 from ..access.mbs_items import Items, node_coordinates
 from ..floating.floating_body import FloatingBody
@@ -59,6 +62,16 @@ class Enriched:
     def held_shapes(self) -> np.ndarray:
         """All of them, seen from the frame that the reference conditions hold: modes may move the body a little."""
         return np.hstack([self.known.model.held, self.shapes[:, self.body.n :]])
+
+    def at_nodes(self, name: str, of: OfBody, rows: Rows) -> NodeFields:
+        """Return displacements of the mesh where errors of it are largest, seen from the frame, and these errors."""
+        n, U, q = self.body.n, self.held_shapes, rows.q[:, self.body.place.modal]
+        moved, error = (x.reshape(-1, 3) for x in (U[:, :n] @ q[of.row], U @ of.deformed))
+        most = np.sqrt(np.einsum("ti,ij,tj->t", q, self.body.M[:n, :n], q).max())
+        known = (
+            {name: error} if of.size <= most else {}
+        )  # no linear equation tells an error as large as what is shown
+        return NodeFields({}, known, {name: moved}, {name: float(rows.t[of.row])}, self.known.flex.positions)
 
     def residual_norm(self) -> ResidualNorm:
         """Return what a residual of its mesh is worth."""
@@ -136,7 +149,11 @@ def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What _vectors returns; modes V: as held.space has them."""
-    held, found = known.held, known.enrichment(count)
+    held = known.held
+    try:
+        found = known.enrichment(count)
+    except AssumptionError:  # modes that cannot move interfaces one by one: vectors do, and all else knows these
+        found = known.enrichment(count, still=False)
     part = _part_of(found.keeps, found.first)
     squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))
     turn = turn[:, ::-1] / np.sqrt(squares[::-1])
