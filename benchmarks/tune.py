@@ -37,7 +37,7 @@ CASES = (  # script, its arguments, tolerance, most modes of the scan
     ("benchmarks/tune_scene.py", ("slider_crank",), "1%", 6),
     ("benchmarks/tune_scene.py", ("double_pendulum",), "0.05%", 4),
     ("examples/hinged_arm.py", (), "10%", 2),
-    ("benchmarks/tune_scene.py", ("pendulum",), "1%", 4),
+    ("benchmarks/tune_scene.py", ("pendulum",), "2%", 4),
 )
 EXUDYNS = ("Examples/NGsolveCraigBampton.py", (), "0.1%", 8)
 HEAD = (
@@ -109,7 +109,7 @@ def cheapest(runs: list[Scanned]) -> Scanned | None:
 def main(arguments=None) -> list[tuple]:
     """Compare, print a line a case; return (scanned, found, tuning) of each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, nargs="+", default=range(len(CASES)), help="numbers of these")
+    parser.add_argument("--cases", type=int, nargs="*", default=range(len(CASES)), help="numbers of these")
     parser.add_argument("--checkout", type=Path, help="work tree of Exudyn's repository: one of its scripts, too")
     parser.add_argument("--short", action="store_true", help="a small grid")
     parser.add_argument(

@@ -105,8 +105,8 @@ class Told(NamedTuple):
     t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
     doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
     modes : tells of each mode, if asked.
-    content : of each sensor, by name, if further modes are asked for. nodes : of each body,
-    what is known at its mesh.
+    content : of each sensor, by name, if further modes are asked for. nodes : what is known at the
+    mesh of each body.
     """
 
     t: np.ndarray

@@ -68,10 +68,9 @@ class Enriched:
         n, U, q = self.body.n, self.held_shapes, rows.q[:, self.body.place.modal]
         moved, error = (x.reshape(-1, 3) for x in (U[:, :n] @ q[of.row], U @ of.deformed))
         most = np.sqrt(np.einsum("ti,ij,tj->t", q, self.body.M[:n, :n], q).max())
-        known = (
-            {name: error} if of.size <= most else {}
-        )  # no linear equation tells an error as large as what is shown
-        return NodeFields({}, known, {name: moved}, {name: float(rows.t[of.row])}, self.known.flex.positions)
+        # no linear equation tells an error as large as what is shown
+        known, at = ({name: error} if of.size <= most else {}), {name: float(rows.t[of.row])}
+        return NodeFields({}, known, {name: moved}, at, self.known.flex.positions)
 
     def residual_norm(self) -> ResidualNorm:
         """Return what a residual of its mesh is worth."""
