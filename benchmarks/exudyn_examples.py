@@ -259,7 +259,7 @@ def main(arguments: list[str] | None = None) -> str:
     )
     print(f"\n{text}")
     if options.docs:
-        page.put("examples", "\n".join([short_table(of_scripts), "", *without]))
+        page.put("examples", "\n".join([short_table(of_scripts), *without]))
     return text
 
 
