@@ -143,7 +143,9 @@ def cell(verdict: dict[str, Any] | None) -> str:
         return ""
     if verdict["size"] is None:
         return verdict["how"] if verdict["how"] == NO_NUMBER else verdict["answer"]
-    return f"{verdict['size']:.1e} +- {verdict['half_width'] or 0.0:.0e}"
+    if verdict["half_width"] is None:  # a sum of which a part is not known
+        return f"{verdict['size']:.1e} or more"
+    return f"{verdict['size']:.1e} +- {verdict['half_width']:.0e}"
 
 
 def sensor_rows(name: str, run: Ran, verify: Ran | None) -> list[list[str]]:
@@ -185,7 +187,7 @@ def script_row(name: str, bare: Ran, run: Ran, verify: Ran | None) -> list[str]:
 
 
 def _is_number(verdict: dict[str, Any] | None) -> bool:
-    return verdict is not None and verdict["size"] is not None
+    return verdict is not None and None not in (verdict["size"], verdict["half_width"])
 
 
 def reasons(name: str, run: Ran) -> list[str]:

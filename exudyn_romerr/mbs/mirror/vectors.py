@@ -1,8 +1,8 @@
 """Vectors beside a body's modes: which, how many, which of them the rest of the mechanism sees.
 
 Static ones by Enrichment: responses to inertia, loads and wrenches, then to their own inertia, without motion of the
-interfaces; those that deform interfaces which the modes make rigid (RBE2) are told apart. And M^-1 times the same
-forces: without them the accelerations of a sudden start are wrong.
+interfaces where modes can move these; those that deform interfaces which the modes make rigid (RBE2) are told apart.
+And M^-1 times the same forces: without them the accelerations of a sudden start are wrong.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
-from ...errors import AssumptionError
 from ...linalg.orthogonalise import m_orthonormal, without
 from ...mechanism.body import Body, Place
 from ...mechanism.rows import Rows
@@ -148,11 +147,7 @@ def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What _vectors returns; modes V: as held.space has them."""
-    held = known.held
-    try:
-        found = known.enrichment(count)
-    except AssumptionError:  # modes that cannot move interfaces one by one: vectors do, and all else knows these
-        found = known.enrichment(count, still=False)
+    held, found = known.held, known.enrichment(count)
     part = _part_of(found.keeps, found.first)
     squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))
     turn = turn[:, ::-1] / np.sqrt(squares[::-1])
