@@ -12,7 +12,7 @@ from ..report.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_ST
 from .end_state import EndState
 from .linearity import Linearity, UnmovedForces
 from .missed import MissedFeedback
-from .modes import Marched, Modes
+from .modes import Marched, Modes, OfBody
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ def estimates(
     before: EndState | None = None,
     bounds: Callable[[Marched], None] | None = None,
     content: Callable[[Marched, int], None] | None = None,
-) -> tuple[dict[str, CauseEstimate], EndState, list[np.ndarray]]:
-    """Return errors by "modes", "interfaces" where these are rigid, and "step", what the run leaves wrong, squares.
+) -> tuple[dict[str, CauseEstimate], EndState, list[OfBody]]:
+    """Return errors by "modes", "interfaces" where these are rigid, "step"; what the run leaves wrong; of each body.
 
     is_static : whether rows are load steps, in which nothing moves. before : what the run begins with. bounds : is
-    given every block of the modes' errors; content : these and the number of their first row. squares : see Modes.
+    given every block of the modes' errors; content : these and the number of their first row.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
     steps, linearity = Steps(of, before), Linearity(of)
@@ -64,4 +64,4 @@ def estimates(
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
     if feedback is not None:
         found["step"].half_widths[FEEDBACK] += feedback.largest["feedback"]
-    return found, EndState(of.unknowns, *modes.end, steps.flow.e), modes.squares
+    return found, EndState(of.unknowns, *modes.end, steps.flow.e), modes.of_bodies

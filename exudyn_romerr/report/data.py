@@ -73,9 +73,9 @@ class Plan:
 class NodeFields:
     """What is known of displacements at the mesh nodes, by estimator at its worst instant.
 
-    bound : (nodes,) of the length of the error. estimate : (nodes, 3), the error, signed; without those that know
-    none of it. displacement : (nodes, 3) of the reduced body. instant : its time. positions : (nodes, 3) without
-    load. Only `bound` is in reports that 0.1 saved.
+    bound : (nodes,) of the length of the error; in a mechanism there is none. estimate : (nodes, 3), the error,
+    signed; without those that know none of it. displacement : (nodes, 3) of the reduced body. instant : its time.
+    positions : (nodes, 3) without load. Only `bound` is in reports that 0.1 saved.
     """
 
     bound: dict[str, np.ndarray]
@@ -233,7 +233,9 @@ class ReportData:
         if callable(self.nodes):
             self.nodes = self.nodes()
         if self.nodes is None:
-            raise InputError("node_bound was not saved with this report; ask for it before save() or pickling")
+            raise InputError(
+                "what is known at nodes was not saved with this report; ask for it before save() or pickling"
+            )
         return self.nodes
 
     def __getstate__(self) -> dict:

@@ -63,6 +63,8 @@ def test_the_estimate_is_that_of_attach(pendulum):
         np.testing.assert_allclose(own.value, out.value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
         off = np.abs(own.estimate - out.estimate).max(axis=0)
         assert np.all(off <= own.uncertainty.max(axis=0) + out.uncertainty.max(axis=0))
+    (own,), (mesh,) = (x.at_nodes().estimate.values() for x in (*run.reports[0].bodies, report))
+    np.testing.assert_allclose(own, mesh, rtol=0, atol=1e-6 * np.abs(mesh).max())
 
 
 def test_rows_are_the_parts_of_the_estimate(pendulum):

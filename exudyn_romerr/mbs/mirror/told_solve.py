@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
-from ...mechanism.mechanism import Mechanism, unbalanced_share
+from ...mechanism.mechanism import Mechanism, rests, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.rows import Rows
 from ...mechanism_bounds.bounded_estimates import with_bounds
@@ -22,7 +24,7 @@ from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
 from ...report.causes import CAUSES, REDUCTION
-from ...report.data import Plan, extents, line_of, made_here
+from ...report.data import NodeFields, Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason, beside_steps
@@ -51,6 +53,7 @@ UNKNOWN_ACTS = (
     "at stored instants the equations are off by {:.0e} of the largest force: something acts that is not a function "
     "of time and state (a controller in PreStep, parameters that the script changes)"
 )
+RESTS = "nothing moves: what coordinates show is rounding"
 REMEMBERS = "a user function keeps something from call to call"
 PRE_STEP_REMEMBERS = (
     "the PreStep function keeps something from call to call (an integrator, a filter, a sampling of its own, noise): "
@@ -101,7 +104,8 @@ class Told(NamedTuple):
     t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
     doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
     modes : tells of each mode, if asked.
-    content : of each sensor, by name, if further modes are asked for.
+    content : of each sensor, by name, if further modes are asked for. nodes : what is known at the
+    mesh of each body.
     """
 
     t: np.ndarray
@@ -113,11 +117,24 @@ class Told(NamedTuple):
     planned_end: float | None
     modes: WithoutModes
     content: dict[str, Content]
+    nodes: Sequence[NodeFields]
+
+    def of_mechanism(self, messages: Sequence[str]) -> MechanismReport:
+        """Return one report of all, with those of its bodies, which have what is known at their meshes."""
+        report = self.report([*self.sensors, *chain(*self.of_bodies)], messages=messages)
+        return replace(report, bodies=tuple(self.report((), body=b) for b in range(len(self.nodes))))
 
     def report(
-        self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
+        self,
+        outputs: Sequence[OutputReport],
+        plan: Plan | None = None,
+        messages: Sequence[str] = (),
+        body: int | None = None,
     ) -> MechanismReport:
-        """Return a report of some of these; plan : what was to be told; messages : beside those of the run."""
+        """Return a report of some of these; plan : what was to be told; messages : beside those of the run.
+
+        body : whose mesh it is to know; None: none.
+        """
         plan = plan or Plan(tuple(map(line_of, outputs)), ())
         return MechanismReport(
             t=self.t,
@@ -135,6 +152,7 @@ class Told(NamedTuple):
             planned_end=self.planned_end,
             uncertified=tuple(self.doubts),
             modes=self.modes,
+            nodes=None if body is None else partial(self.nodes.__getitem__, body),
         )
 
 
@@ -183,7 +201,8 @@ def told_solve(
         readings = Readings(copy, rows)
         share = unbalanced_share(unknowns, rows, copy, readings)
         if not share < SAME:
-            raise AssumptionError(REMEMBERS if detached.has_changed() else UNKNOWN_ACTS.format(share))
+            why = REMEMBERS if detached.has_changed() else UNKNOWN_ACTS.format(share)
+            raise AssumptionError(RESTS if rests(unknowns, rows) else why)
         of = Mechanism(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
@@ -198,7 +217,7 @@ def told_solve(
         bounds, why_not = _bounds(of, sensors, bodies, why_not)
         content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
         watches = bounds and bounds.take, content and content.take
-        by_cause, end, squares = estimates(of, asked.is_static, errors, *watches)
+        by_cause, end, of_each = estimates(of, asked.is_static, errors, *watches)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
@@ -206,7 +225,7 @@ def told_solve(
         outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
         vectors = [one.shapes[:, one.body.n :] for one in bodies]
         shown_of = [Shown(x.name, x.unit, x.own, out.extents) for x, out in zip(sensors.shown, outputs, strict=True)]
-        modes = WithoutModes(of, shown_of, [*zip(vectors, squares, strict=True)])
+        modes = WithoutModes(of, shown_of, [(V, x.squares) for V, x in zip(vectors, of_each, strict=True)])
         owners = [one.body for one in sensors.shown]
         of_mbs, *of_bodies = (
             [out for out, b in zip(outputs, owners, strict=True) if b == which]
@@ -214,8 +233,11 @@ def told_solve(
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
         of_modes = content.content(by_cause) if content else None
+        nodes = [one.at_nodes(ESTIMATOR, x, rows) for one, x in zip(bodies, of_each, strict=True)]
         contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one.own) for one in sensors.shown}
-        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
+        told = Told(
+            shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents, nodes
+        )
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
 

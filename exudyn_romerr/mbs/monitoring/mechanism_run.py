@@ -94,7 +94,7 @@ class BodyRun:
         told = self.of.told()
         asked = (out for out in told.of_bodies[self._body] if self._is_requested[out.name])
         asked = [replace(out, tolerance=self._tolerance.get(out.name), stopped=self.stopped) for out in asked]
-        return told.report(asked, self._plan, self.messages)
+        return told.report(asked, self._plan, self.messages, self._body)
 
     def internal(self) -> Internal:
         """Return outputs beside those that were asked for."""

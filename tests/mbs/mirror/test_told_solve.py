@@ -26,6 +26,8 @@ from exudyn_romerr.report.assessment import rows_of
 from models import floating
 from models.robot_arm import robot_arm
 from tests.helpers.observed import flexes, shown
+from tests.mbs.floating.test_floating_scene import add_ground_marker, bar
+from tests.mbs.floating.test_floating_scene import solve as solved
 from tests.mbs.mechanism.test_same_numbers import in_units
 
 H = 1e-3
@@ -127,6 +129,16 @@ def test_a_controller_in_pre_step_shows_at_the_rows():
     scene = robot_arm(4, t_end=0.02)
     with pytest.raises(AssumptionError, match="PreStep"):
         told_by_run(scene.mbs, flexes(scene), scene.solve)
+
+
+def test_a_body_that_rests_is_not_said_to_be_controlled():
+    """Forces of stiff springs in the rounding of places are all there is: none acts of the user's."""
+    scene = bar(gravity=(0.0, 0.0, 0.0))
+    for marker in (scene.left, scene.right):
+        markers = [marker, add_ground_marker(scene, marker)]
+        scene.mbs.AddObject(itemInterface.CartesianSpringDamper(markerNumbers=markers, stiffness=[2e8] * 3))
+    with pytest.raises(AssumptionError, match="nothing moves: what coordinates show is rounding"):
+        told_by_run(scene.mbs, [romerr.floating_body(scene.fem, scene.items)], lambda: solved(scene))
 
 
 def test_nothing_is_told_without_a_step():
