@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
+from ...report.data import Plan, line_of
 from ...report.verdicts import until, until_begun, until_load
 from ..access.mbs_items import sensor_names
 from ..access.solvers import SAME_TIME, holds_rates, scheme_from
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from ..access.solvers import EndedBy
     from ..floating.floating_body import FloatingBody
+    from ..mirror.vectors import Enriched
     from .found_bodies import FoundBody
 
 RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
@@ -105,8 +107,16 @@ class RecordedSolve:
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
             solve.content = told.content
-            found.append(told.report([*told.sensors, *chain(*told.of_bodies)], messages=messages))
+            outputs = [*told.sensors, *chain(*told.of_bodies)]
+            plan = Plan((*map(_basis, before.bodies), *map(line_of, outputs)), ())
+            found.append(told.report(outputs, plan, messages))
         return found
+
+
+def _basis(one: Enriched) -> str:
+    """The line of a plan that says how a body is reduced."""
+    flex = one.known.flex
+    return f"basis: {one.body.n} modes of object {flex.number}, in place of {flex.mass.shape[0]:,} coordinates"
 
 
 def _planned_end(solver: Any, last: float) -> float | None:
