@@ -180,7 +180,7 @@ class Solve:
     number: int
     kind: str
     bodies: int
-    report: ReportData | None = None
+    report: Any = None  # a BoundReport, whose module imports this one
     failure: Exception | None = None
     refused: list[tuple[str, str]] = field(default_factory=list)
     sensors: list[str] = field(default_factory=list)

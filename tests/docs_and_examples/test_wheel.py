@@ -207,6 +207,9 @@ def test_types_are_shown_for_what_is_loaded_later():
     branches = [node for node in TREES["exudyn_romerr/__init__.py"].body if isinstance(node, ast.If)]
     (branch,) = [node for node in branches if ast.unparse(node.test) == "TYPE_CHECKING"]
     shown = {alias.name: node.module for node in branch.body for alias in node.names}
+    assert all(alias.asname == alias.name for node in branch.body for alias in node.names)  # else they are private
+    use = (ROOT / "tests" / "docs_and_examples" / "typed_use.py").read_text(encoding="utf-8")
+    assert {name for name in shown if name.islower()} <= set(re.findall(r"romerr\.(\w+)", use))  # mypy reads it
     assert shown == exudyn_romerr._MODULES
     for name in shown:
         assert getattr(exudyn_romerr, name) is getattr(import_module(f"exudyn_romerr.{shown[name]}"), name)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
@@ -18,7 +19,7 @@ from ..access.mbs_items import FFRF, dense
 from .frame_node import FrameNode, RigidPart
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    pass
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")
@@ -56,7 +57,7 @@ def floating_body(
     items: dict[str, Any],
     reference: MeanMotion | MassOrthogonal | None = None,
     interfaces: str = "free",
-    modal_damping: float | Sequence[float] | None = None,
+    modal_damping: ArrayLike | None = None,
 ) -> FloatingBody:
     """Name the FE model behind a body made with ObjectFFRFreducedOrder, so that attach can bound its error.
 
