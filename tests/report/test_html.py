@@ -206,14 +206,19 @@ def test_a_bound_of_the_whole_error_stands_with_the_whole_error(case):
 
 @pytest.mark.usefixtures("quick")
 def test_outputs_have_a_line_each_the_worst_first(report):
-    """Of many the worst; how many there are is said. Names that are cut differ still."""
-    out = report.output("tip z")
+    """Of many the worst, by their worst component; how many there are is said. Names that are cut differ still."""
+    out = report.output("corner")
+    size = np.array([1.0, 0.0])  # of components
     names = [f"output {'of a body ' * 5}number {k}" for k in range(10)]
-    report.outputs = {name: replace(out, name=name, tolerance=10.0 ** (k - 9)) for k, name in enumerate(names)}
+    report.outputs = {
+        name: replace(out, name=name, value=out.value * size[:: 1 - 2 * (k % 2)], tolerance=10.0**-k)
+        for k, name in enumerate(names)
+    }
     text = page.page(estimated(report, 0.1))
     lines = cells(text, f"Outputs, the {page.ROWS} worst of 10")[1:]
-    assert [line[0][-1] for line in lines] == [str(k) for k in range(page.ROWS)]
-    assert [float(line[2].split()[0]) for line in lines] == [10.0 ** (k - 9) for k in range(page.ROWS)]
+    worst = range(9, 9 - page.ROWS, -1)
+    assert [line[0].split()[-2:] for line in lines] == [[str(k), "xy"[k % 2]] for k in worst]
+    assert [float(line[2].split()[0]) for line in lines] == [10.0**-k for k in worst]
     assert "None was given" not in text
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -17,9 +17,6 @@ from ...model.floating_frame import require_isotropic_mass
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from .frame_node import FrameNode, RigidPart
-
-if TYPE_CHECKING:
-    pass
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
     from ..access.solvers import EndedBy
     from ..floating.floating_body import FloatingBody
-    from ..mirror.vectors import Enriched
     from .found_bodies import FoundBody
 
 RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
@@ -108,15 +107,9 @@ class RecordedSolve:
             self._ended[self._mbs] = before
             solve.content = told.content
             outputs = [*told.sensors, *chain(*told.of_bodies)]
-            plan = Plan((*map(_basis, before.bodies), *map(line_of, outputs)), ())
+            plan = Plan((*(one.known.basis for one in before.bodies), *map(line_of, outputs)), ())
             found.append(told.report(outputs, plan, messages))
         return found
-
-
-def _basis(one: Enriched) -> str:
-    """The line of a plan that says how a body is reduced."""
-    flex = one.known.flex
-    return f"basis: {one.body.n} modes of object {flex.number}, in place of {flex.mass.shape[0]:,} coordinates"
 
 
 def _planned_end(solver: Any, last: float) -> float | None:

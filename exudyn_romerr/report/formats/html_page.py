@@ -155,7 +155,10 @@ def _answer(rows: Sequence[Row], sentence: str) -> Iterator[str]:
     head = ("cause", "answer", "about", "+- half width", "at most", "worst at", "what to do")
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
     yield _without_empty("Answer by cause", head, *_by_cause(rows, causes))
-    worst = list({row.name: row for row in reversed(worst_first(rows))}.values())[::-1]
+    of: dict[str, Row] = {}
+    for row in worst_first(rows):
+        of.setdefault(row.name, row)
+    worst = list(of.values())
     beside = f", the {ROWS} worst of {len(worst)}" if len(worst) > ROWS else ""
     head = ("output", "up to", "tolerance", "whole error about", "at most", "answer")
     yield _without_empty(f"Outputs{beside}", head, *map(_of_output, worst[:ROWS]))
