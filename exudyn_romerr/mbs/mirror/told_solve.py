@@ -23,7 +23,7 @@ from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
 from ...report.causes import CAUSES, REDUCTION
-from ...report.data import Plan, extents, made_here
+from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
@@ -115,8 +115,11 @@ class Told(NamedTuple):
     modes: WithoutModes
     content: dict[str, Content]
 
-    def report(self, outputs: Sequence[OutputReport], plan: Plan, messages: Sequence[str] = ()) -> MechanismReport:
+    def report(
+        self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
+    ) -> MechanismReport:
         """Return a report of some of these; plan : what was to be told; messages : beside those of the run."""
+        plan = plan or Plan(tuple(map(line_of, outputs)), ())
         return MechanismReport(
             t=self.t,
             position_bound=OfBodies(),
