@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shlex
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -274,6 +275,7 @@ def made_here() -> dict[str, str]:
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "script": sys.argv[0] if sys.argv[0] not in ("", "-", "-c") else "interactive session",
+        "arguments": shlex.join(sys.argv[1:]),
         "system": SYSTEM,
         "exudyn_romerr": __version__,
         "python": platform.python_version(),

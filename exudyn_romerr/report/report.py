@@ -200,7 +200,7 @@ class BoundReport(ReportData):
         write_vtu(self, path, mesh, estimator)
 
     def to_html(self, path: str | os.PathLike, tolerance: Sequence[str] | str | float | None = None) -> None:
-        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot.
+        """Write a page for others, one sheet of A4 in print, that needs no other file; InputError if it cannot.
 
         tolerance : as of summary().
         """

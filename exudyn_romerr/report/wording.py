@@ -183,8 +183,13 @@ def shared_lines(report: ReportData) -> list[str]:
     """Return what is said of the bounds of all outputs: of a mechanism what all bodies share once."""
     if report.position_bound:
         return estimator_lines(report)
+    return [f"  {line}" for line in assumed_lines(report)]
+
+
+def assumed_lines(report: ReportData) -> list[str]:
+    """Return what each estimator assumes, then scope_lines, of a mechanism what all bodies share once."""
     assumed = [f"{e}: {reason}" for e, reason in report.reasons.items()]
-    return [f"  {line}" for line in [*assumed, *numbered([scope_lines(one) for one in report.bodies or (report,)])]]
+    return [*assumed, *numbered([scope_lines(one) for one in report.bodies or (report,)])]
 
 
 def numbered(lines: Sequence[Sequence[str]]) -> list[str]:

@@ -1,6 +1,7 @@
 """The examples, shortened: they run, write what they say they write, and their numbers are right."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from examples import (
 )
 from models import exact, linkage
 
+ROOT = Path(__file__).resolve().parents[2]
 SHORT = 0.03  # s simulated: the largest reduction error of the linkage comes within the first 10 ms
 PNG = b"\x89PNG"
 # The closed form loses nothing but rounding, 1e-16, times the spread of the terms of the equation of motion.
@@ -270,3 +272,27 @@ def test_modes_that_the_rod_needs_are_found(tmp_path, capsys):
     assert printed.count("; its bounds are within the tolerance; their scope: coupled (linearised)") == 2
     assert "4 eigenmodes: true error" in printed
     assert (tmp_path / "how_many_modes.png").read_bytes()[:4] == PNG
+
+
+def solved_as_in_exudyn(steps):
+    """What the example for Exudyn's folder has at its end, of short thick links that are meshed and solved fast."""
+    path = ROOT / "examples" / "reductionErrorCMS.py"
+    code = path.read_text(encoding="utf-8").replace("endTime = 0.5", "endTime = 0.01")
+    for name, value in {"useGraphics": False, "nSteps": steps, "W": 0.2}.items():
+        code, count = re.subn(rf"^{name} *= *\S+", f"{name} = {value}", code, flags=re.MULTILINE)
+        assert count == 1
+    found = {}
+    exec(compile(code, path, "exec"), found)
+    return found["report"]
+
+
+def test_example_for_exudyn_is_as_wrong_as_it_says(capsys):
+    """The truth are steps 20 times as short, whose own error is a seventh of the half width."""
+    pytest.importorskip("ngsolve")
+    coarse, fine = (solved_as_in_exudyn(steps) for steps in (20, 400))
+    assert "Step: too large" in capsys.readouterr().out
+    tip = coarse.output("tip")
+    error = fine.output("tip").value[::20] - tip.value
+    half = tip.uncertainty.max(axis=0)
+    assert np.all(np.abs(error - tip.estimate_parts["time step"]).max(axis=0) <= half)
+    assert np.abs(error).max() > 10 * half.max()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...basis.basis import Basis
 from ...checks import check_array, check_type, real_array
@@ -63,7 +64,7 @@ def evaluate(
     outputs: Sequence[Output] = (),
     input_function: Callable | None = None,
     initial: Any = None,
-    jumps: Sequence[float] = (),
+    jumps: ArrayLike = (),
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",

@@ -77,6 +77,12 @@ class SeenBody:
         """Space of interfaces that the modes make rigid, or None."""
         return stiff_space(self.flex, self.model.V, self.actions.interfaces())
 
+    @property
+    def basis(self) -> str:
+        """The line of a plan that says how it is reduced."""
+        N, n = self.model.V.shape
+        return f"basis: {n} modes of object {self.flex.number}, in place of {N:,} coordinates"
+
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
         """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
         none = np.zeros((self.held.N, 0))

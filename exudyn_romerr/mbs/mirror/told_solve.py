@@ -119,9 +119,13 @@ class Told(NamedTuple):
     content: dict[str, Content]
     nodes: Sequence[NodeFields]
 
-    def of_mechanism(self, messages: Sequence[str]) -> MechanismReport:
-        """Return one report of all, with those of its bodies, which have what is known at their meshes."""
-        report = self.report([*self.sensors, *chain(*self.of_bodies)], messages=messages)
+    def of_mechanism(self, bases: Sequence[str], messages: Sequence[str]) -> MechanismReport:
+        """Return one report of all, with those of its bodies, which have what is known at their meshes.
+
+        bases : how each body is reduced, in words.
+        """
+        outputs = [*self.sensors, *chain(*self.of_bodies)]
+        report = self.report(outputs, Plan((*bases, *map(line_of, outputs)), ()), messages)
         return replace(report, bodies=tuple(self.report((), body=b) for b in range(len(self.nodes))))
 
     def report(

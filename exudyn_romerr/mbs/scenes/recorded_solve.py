@@ -108,7 +108,8 @@ class RecordedSolve:
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
             solve.content = told.content
-            found.append(told.of_mechanism(messages))
+            basis = [one.known.basis for one in before.bodies]
+            found.append(told.of_mechanism(basis, messages))
         return found
 
 

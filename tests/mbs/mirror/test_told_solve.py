@@ -339,8 +339,8 @@ def test_what_no_force_knows_is_read_as_nothing():
     copy.seen = np.zeros(0, int)
     q, lam = np.zeros(copy.own.size), scene.mbs.systemData.GetAECoordinates()
     reading = copy.read(0.0, q, q, q, lam)
-    assert not reading.K.any()
-    assert not reading.H.any()
+    assert not reading.K.nnz
+    assert not reading.H.nnz
     assert reading.G.shape == (0, len(copy.scales))
 
 
