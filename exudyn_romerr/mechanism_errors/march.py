@@ -9,6 +9,8 @@ z = H dp, a step from predictions P, P' has, with zeta the increment of z,
     dp = P + delta ,  dp' = P' + c2 delta ,  dp'' = c1 delta ,   delta = J zeta + nu ,  nu = -p (p . P)
     z = H P + zeta ,  z' = H P' + H' (P + nu) + (c2 + H' J) zeta ,
     z'' = 2 H' (P' + c2 nu) + H'' (P + nu) + (c1 + 2 c2 H' J + H'' J) zeta .
+
+Coordinates of first order are rates, and go by the trapezoidal rule whatever the scheme is, as Exudyn's do.
 """
 
 from __future__ import annotations
@@ -75,7 +77,8 @@ class March:
         if self.state is not None:
             return self(block, factors, f, g)
         if before is None:
-            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()), g[0])
+            rests = is_at_rest(block.rows) and not self._unknowns.n_1
+            begun = self.begin(block, f[0], rests and bool(f[0].any()), g[0])
         else:
             begun = self.go_on(block, f[0], before)
         return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:], g[1:]), strict=True)))
@@ -159,6 +162,8 @@ class March:
         u, s, n_a, turns = self._unknowns, self._scheme, self._unknowns.n_a, factors.turns[i]
         h, c1, c2, flat = factors.h[i], factors.c1[i], factors.c2[i], (-1, f.shape[1])
         (q, v, carried), (P, P1, carried_p) = (predicted(x, h, s) for x in (self.state.x, self.state.p))
+        of_first = u.first_order
+        v[of_first] = self.state.x[1, of_first] + h / 2 * self.state.x[2, of_first]
         nu = -turns.p[:, :, None] * np.einsum("ki,kic->kc", turns.p, P)[:, None]
         q[u.turns], v[u.turns] = (turns.H @ P).reshape(flat), (turns.H @ P1 + turns.H1 @ (P + nu)).reshape(flat)
         a0 = (2 * turns.H1 @ (P1 + c2 * nu) + turns.H2 @ (P + nu)).reshape(flat)
@@ -180,6 +185,7 @@ class March:
         q, v = q + z, v + c2 * z
         v[u.turns] += (turns.B1 @ zeta).reshape(flat)
         a[u.turns] += a0 + (turns.B2 @ zeta).reshape(flat)
+        a[of_first] = 2 * c2 / h * z[of_first]
         delta, share = turns.J @ zeta + nu, (1 - s.alpha_f) / (1 - s.alpha_m)
         x = np.array([q, v, a, carried + share * a])
         p = np.array([P + delta, P1 + c2 * delta, c1 * delta, carried_p + share * c1 * delta])
@@ -198,7 +204,7 @@ class March:
         )
         T, n, columns = f.shape
         loops.march_mechanism(
-            (T, n, u.n_a, block.C.shape[1], columns, len(block.sampled)),
+            (T, n, u.n_a, block.C.shape[1], columns, len(block.sampled), u.n_1),
             np.array([s.alpha_m, s.alpha_f, s.beta, s.gamma]),
             starts_of_turns(u),
             bodies_given(block, u, factors.up, factors.down, factors.soft),

@@ -32,7 +32,8 @@ from ..access.equations import state_set
 from ..access.mbs_items import node_coordinates
 from ..floating.built_in import as_built_in
 from ..floating.moving_subject import VECTORS
-from .hollow_copy import HollowCopy, require_covered, unknowns_of
+from .covered import require_covered, unknowns_of
+from .hollow_copy import HollowCopy
 from .pre_step import Parameters, detached_with
 from .sensors import Sensors, ShownSensor
 from .vectors import Enriched, enriched, in_shapes_of
@@ -157,11 +158,13 @@ def told_solve(
     RunError
         No step was made.
     """
-    require_covered(mbs)
+    require_covered(mbs, asked.is_static)
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
     flexes = asked.flexes
-    mbs = as_built_in(mbs, flexes)
+    mbs, n = as_built_in(mbs, flexes), mbs.systemData.ODE2Size()
+    if asked.is_static:  # which holds coordinates of first order
+        rows = replace(rows, q=rows.q[:, :n], v=rows.v[:, :n], a=rows.a[:, :n])
     shown = rows[-1:] if asked.is_static else rows
     # with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0
     rows = replace(shown, multipliers=-shown.multipliers) if asked.is_static else shown
@@ -176,11 +179,12 @@ def told_solve(
             enriched(mbs, flex, asked.vectors, TURNS * w, detached)
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
         ]
-        unknowns = unknowns_of(mbs, [one.body for one in bodies])
+        unknowns = unknowns_of(mbs, [one.body for one in bodies], rows)
         sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors, pre_step)
         copy = HollowCopy(mbs, bodies, unknowns, detached, pre_step=pre_step)
         if pre_step is not None and _remembers(copy, rows):
             raise AssumptionError(PRE_STEP_REMEMBERS)
+        rows = copy.with_first_rates(rows)
         readings = Readings(copy, rows)
         share = unbalanced_share(unknowns, rows, copy, readings)
         if not share < SAME:
@@ -195,7 +199,7 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        why_not = _why_unbounded(asked, errors is not None or doubts, readings.splined.is_sampled)
+        why_not = _why_unbounded(asked, errors is not None or doubts, readings.splined.is_sampled, unknowns.n_1)
         bounds, why_not = _bounds(of, sensors, bodies, why_not)
         content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
         watches = bounds and bounds.take, content and content.take
@@ -240,10 +244,12 @@ def _remembers(copy: HollowCopy, rows: Rows) -> bool:
     return not np.array_equal(forth, back[::-1])
 
 
-def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool) -> str:
+def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool, of_first_order: int) -> str:
     """Why a run as a whole has no bounds; empty: nothing speaks against them."""
     if is_sampled:
         return "a PreStep function, which acts by the begin of each step"
+    if of_first_order:
+        return "coordinates of first order (ODE1), whose equations need not lose energy"
     if asked.is_static or goes_on:
         return "a static solve, or a run that goes on from another that moves"
     if any(flex.modal_damping is not None for flex in asked.flexes):
@@ -284,15 +290,19 @@ def _begun_with(
     before: Ended | None, rows: Rows, bodies: Sequence[Enriched], unknowns: Unknowns
 ) -> tuple[EndState | None, tuple[Doubt, ...]]:
     """What a run begins with that goes on from another, and what speaks against it; None: it goes on from none."""
-    if before is None or not (np.array_equal(before.q, rows.q[0]) and np.array_equal(before.v, rows.v[0])):
+    n = unknowns.n_q - unknowns.n_1
+    goes_on = before and all(np.array_equal(x[:n], y[0, :n]) for x, y in ((before.q, rows.q), (before.v, rows.v)))
+    if not goes_on:
         return None, ()
     turns = [in_shapes_of(one, was) for one, was in zip(bodies, before.bodies, strict=False)]
     parts = len(PARTS) if is_rigid(bodies) else OF_MODES
     is_known = before.errors is not None and before.errors.parts.x.shape[2] == parts
     if not is_known or len(turns) < len(bodies) or any(turn is None for turn in turns):
         return None, (Reason.GOES_ON.doubt(),)
-    if before.is_static and is_at_rest(rows):
+    if before.is_static and is_at_rest(rows) and not unknowns.n_1:
         return None, ()  # the full model rests, too: its equilibrium is found anew, and nothing else is carried on
+    if unknowns.n_1 and not before.is_static:
+        return None, (Reason.GOES_ON.doubt(),)  # what it has left wrong of coordinates of first order has other units
     return before.errors.of(unknowns, turns), ()
 
 
