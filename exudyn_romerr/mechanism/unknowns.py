@@ -102,9 +102,10 @@ class Unknowns:
             first += body.m
         self.n = first
         self.first_order = slice(self.n_a - self.n_1, self.n_a)
-        # as others move by a body's size along the run, these come to their largest
-        self.speed, self.units = self.largest_size / duration, np.ones(n_q)
-        self.units[n_q - self.n_1 :] = np.where(largest > 0, largest, 1.0) / self.speed
+        self.speed, self.units = 0.0, np.ones(n_q)
+        if self.n_1:  # while others move by a body's size along the run, these come to their largest
+            self.speed = self.largest_size / duration
+            self.units[n_q - self.n_1 :] = np.where(largest > 0, largest, 1.0) / self.speed
         self.turns = np.array([i for node in self.nodes for i in range(node.at + 3, node.at + 6)], int)
 
     def of_vectors(self) -> list[list[int]]:

@@ -144,7 +144,7 @@ def test_wrong_sizes_are_refused():
     mechanism = SmallMechanism()
     with pytest.raises((ValueError, TypeError)):
         loops.march_mechanism(
-            (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
+            (1, 2, 3, 4, 5, 0, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
         loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 9, np.zeros(4), np.zeros(4))

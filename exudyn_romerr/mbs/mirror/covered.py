@@ -34,8 +34,8 @@ def require_covered(mbs: Any, is_static: bool = False) -> None:
             raise AssumptionError(f"node {number} of type {kind} is not covered")
 
 
-def unknowns_of(mbs: Any, bodies: Sequence[Body], rows: Rows) -> Unknowns:
-    """Return the unknowns of an mbs that has these floating bodies, along rows."""
+def unknowns_of(mbs: Any, bodies: Sequence[Body], rows: Rows | None = None) -> Unknowns:
+    """Return the unknowns of an mbs that has these floating bodies; along rows, where these have more coordinates."""
     system, others = mbs.systemData, []
     taken = {int(i) for body in bodies for i in (*body.place.frame, *body.place.modal)}
     for number in range(system.NumberOfNodes()):
@@ -46,5 +46,7 @@ def unknowns_of(mbs: Any, bodies: Sequence[Body], rows: Rows) -> Unknowns:
             is_turning = node["nodeType"] == QUATERNIONS
             others.append((mine, np.array(node["referenceCoordinates"], float) if is_turning else None))
     n = system.ODE2Size()
+    if rows is None:
+        return Unknowns(bodies, others, n)
     largest, duration = np.abs(rows.v[:, n:]).max(axis=0, initial=0.0), float(rows.t[-1] - rows.t[0])
     return Unknowns(bodies, others, n, largest, duration or 1.0)
