@@ -8,6 +8,7 @@ forces are those of the first pressures.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import exudyn as exu
@@ -17,9 +18,10 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 from exudyn.utilities import RigidBodyInertia
 
 from models.boom_mesh import MOUNTS, boom_fem
-from models.floating import GRAVITY, add_interface_marker, craig_bampton, interface, solver_settings
+from models.floating import GRAVITY, craig_bampton, interface, solver_settings
 from models.mechanisms import HINGE, MechanismScene, join
 
+HINGED = ("hinge", "tip")  # mounts of hinges, which turn things; cylinders pull and push
 DAMPING = 1e-4  # s, stiffness-proportional
 BASE = np.array([0.3, 0.0, -0.9])  # m, where the first cylinder stands
 STICK, STICK_LENGTH = 120.0, 1.6  # kg, m
@@ -36,15 +38,17 @@ FLOW = 5e-7  # m^3/s at the root of 1 N/m^2
 GAIN = 15.0  # 1/m
 
 
-def boom(n: int = 4, h: float = 2e-3, t_end: float = 1.5, kind: str = "RBE3") -> MechanismScene:
+def boom(
+    n: int = 8, h: float = 2e-3, t_end: float = 1.5, interfaces: Sequence[str] = HINGED
+) -> MechanismScene:
     """Return the crane; its solve() is a static one and a dynamic one.
 
-    n, kind : eigenmodes beside the static ones, see floating.craig_bampton; h, t_end : step, that of the controller
-    too, and end time in s. objects: "stick", "payload", cylinders, what holds them at first. sensors: "tip" of the
+    n : eigenmodes beside static ones of interfaces, RBE3; h, t_end : step, that of the controller too, and end time in
+    s; interfaces : mounts that have static modes. objects: "stick", "payload", cylinders, what holds them at first. sensors: "tip" of the
     boom, "tip in the boom", "payload", positions but for the second, a displacement; "pressures first", ...
     """
     fem = boom_fem()
-    craig_bampton(fem, tuple(MOUNTS), n, kind)
+    craig_bampton(fem, interfaces, n, "RBE3")
     SC = exu.SystemContainer()
     scene = _Boom(SC, SC.AddSystem(), fem, ObjectFFRFreducedOrderInterface(fem), solver_settings(h, t_end))
     mbs, gravity = scene.mbs, list(GRAVITY)
@@ -53,7 +57,11 @@ def boom(n: int = 4, h: float = 2e-3, t_end: float = 1.5, kind: str = "RBE3") ->
     for name in MOUNTS:
         nodes, weights = interface(fem, name)
         places[name] = weights @ fem.GetNodePositionsAsArray()[nodes]
-        scene.markers[name] = add_interface_marker(mbs, scene.bodies[0]["oFFRFreducedOrder"], nodes, weights)
+        scene.markers[name] = mbs.AddMarker(
+            (itemInterface.MarkerSuperElementRigid if name in HINGED else itemInterface.MarkerSuperElementPosition)(
+                bodyNumber=scene.bodies[0]["oFFRFreducedOrder"], meshNodeNumbers=nodes, weightingFactors=weights
+            )
+        )
     places |= {"base": BASE, "lever": places["tip"] + LEVER, "end": places["tip"] + STICK_LENGTH * SLOPE}
     _add_stick(scene, places)
     _add_ground(scene, places)
@@ -80,13 +88,11 @@ class _Boom(MechanismScene):
         mbs, settings = self.mbs, self.settings
         mbs.SolveStatic(settings, updateInitialValues=True)
         pressures = mbs.systemData.GetODE1Coordinates(exu.ConfigurationType.Initial)
-        for i, (name, (head, rod)) in enumerate(CYLINDERS.items()):
+        for i, (name, areas) in enumerate(CYLINDERS.items()):
             held = self.objects[f"{name} held"]
             push = float(np.ravel(mbs.GetObjectOutput(held, exu.OutputVariableType.Force))[0])
-            if push > 0:
-                pressures[2 * i] = (IDLE * rod + push) / head
-            else:
-                pressures[2 * i + 1] = (IDLE * head - push) / rod
+            chamber = 0 if push > 0 else 1
+            pressures[2 * i + chamber] += abs(push) / areas[chamber]  # beside what both hold in the static solve
             mbs.SetObjectParameter(held, "activeConnector", False)
         mbs.systemData.SetODE1Coordinates(pressures, exu.ConfigurationType.Initial)
         mbs.SetPreStepUserFunction(controller({name: self.objects[name] for name in CYLINDERS}))

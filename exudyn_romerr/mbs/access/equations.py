@@ -8,7 +8,6 @@ from typing import Any
 
 import exudyn as exu
 import numpy as np
-import scipy.linalg as la
 
 from ...errors import AssumptionError
 
@@ -85,8 +84,12 @@ class Equations:
     def mass(self, mbs: Any) -> np.ndarray:
         """M (n, n)."""
         self._solver.ComputeMassMatrix(mbs)
-        M = self._solver.GetSystemMassMatrix()[: self._plain, : self._plain]
-        return la.block_diag(M, np.diag(self.masses)) if len(self.masses) else M
+        n, M = self._plain, self._solver.GetSystemMassMatrix()
+        if not len(self.masses):
+            return M[:n, :n]
+        found = np.diag(np.append(np.zeros(n), self.masses))
+        found[:n, :n] = M[:n, :n]
+        return found
 
     def constraints(self, mbs: Any) -> np.ndarray:
         """G (all, n), rows of zeros where constraints are not active."""
