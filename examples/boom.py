@@ -3,7 +3,7 @@
 Pressures are coordinates of first order, valves are opened by a PreStep function. How wrong are the boom's tip, the
 payload and the pressures?
 
-    romerr run examples/boom.py [MODES] [STEP]      # 8 modes beside static ones, steps of 0.002 s
+    romerr run examples/boom.py [STEP]      # steps of 0.01 s
 """
 
 import sys
@@ -15,8 +15,7 @@ from models.boom import boom
 
 def main() -> None:
     """Hold the crane by a static solve, let its cylinders move, print where the payload is."""
-    modes, step = [*sys.argv[1:], *("8", "2e-3")[len(sys.argv) - 1 :]]
-    scene = boom(int(modes), float(step))
+    scene = boom(h=float(sys.argv[1]) if len(sys.argv) > 1 else 1e-2)
     scene.solve()
     print("payload:", scene.mbs.GetSensorValues(scene.sensors["payload"]))
 

@@ -45,7 +45,7 @@ def boom(
 
     n : eigenmodes beside static ones of interfaces, RBE3; h, t_end : step, that of the controller too, and end time in
     s; interfaces : mounts that have static modes. objects: "stick", "payload", cylinders, what holds them at first. sensors: "tip" of the
-    boom, "tip in the boom", "payload", positions but for the second, a displacement; "pressures first", ...
+    boom, "payload", displacements; "tip in the boom", in its frame; "pressures first", "pressures second".
     """
     fem = boom_fem()
     craig_bampton(fem, interfaces, n, "RBE3")
@@ -74,7 +74,7 @@ def boom(
     newton = scene.settings.timeIntegration.newton
     newton.numericalDifferentiation.minimumCoordinateSize = 1  # pressures are large
     newton.relativeTolerance, newton.absoluteTolerance = 1e-8, 1e-6
-    scene.settings.staticSolver.constrainODE1coordinates = True  # pressures stay what they are
+    scene.settings.staticSolver.constrainODE1Coordinates = True  # pressures stay what they are
     scene.settings.staticSolver.verboseMode = 0
     mbs.Assemble()
     return scene
@@ -139,7 +139,7 @@ def _add_payload(scene: MechanismScene, end: np.ndarray) -> None:
     mbs = scene.mbs
     place = end - [0, 0, ROPE]
     scene.objects["payload"] = mbs.CreateMassPoint(
-        name="payload", referencePosition=place, physicsMass=PAYLOAD, gravity=GRAVITY
+        name="payload", referencePosition=place, mass=PAYLOAD, gravity=GRAVITY
     )
     scene.markers["payload"] = mbs.AddMarker(itemInterface.MarkerBodyPosition(bodyNumber=scene.objects["payload"]))
     scene.objects["rope"] = mbs.AddObject(
@@ -188,9 +188,9 @@ def _add_sensors(scene: MechanismScene) -> None:
     shows, node = exu.OutputVariableType, int(interface(scene.fem, "tip")[0][0])
     of_node, of_boom = itemInterface.SensorSuperElement, {"bodyNumber": scene.bodies[0]["oFFRFreducedOrder"]}
     sensors = {
-        "tip": of_node(meshNodeNumber=node, outputVariableType=shows.Position, **of_boom),
+        "tip": of_node(meshNodeNumber=node, outputVariableType=shows.Displacement, **of_boom),
         "tip in the boom": of_node(meshNodeNumber=node, outputVariableType=shows.DisplacementLocal, **of_boom),
-        "payload": itemInterface.SensorBody(bodyNumber=scene.objects["payload"], outputVariableType=shows.Position),
+        "payload": itemInterface.SensorBody(bodyNumber=scene.objects["payload"], outputVariableType=shows.Displacement),
     }
     for name in CYLINDERS:
         number = scene.objects[f"{name} pressures"]

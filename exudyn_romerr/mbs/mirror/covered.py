@@ -21,7 +21,7 @@ def require_covered(mbs: Any, is_static: bool = False) -> None:
     """Raise AssumptionError where an mbs has coordinates that the linearised mechanism has not."""
     system = mbs.systemData
     settings = mbs.sys.get("simulationSettings")
-    if is_static and system.ODE1Size() and not (settings and settings.staticSolver.constrainODE1coordinates):
+    if is_static and system.ODE1Size() and not (settings and settings.staticSolver.constrainODE1Coordinates):
         raise AssumptionError("a static solve that does not hold coordinates of first order is not covered")
     data = len(system.GetDataCoordinates())
     # torsional springs count whole turns in theirs: a rotation within half a turn is the same without
