@@ -1,9 +1,8 @@
-"""A loader crane as users of Exudyn write it: flexible boom, rigid stick, two hydraulic cylinders, payload on a rope.
+"""A loader crane as users of Exudyn write it: flexible boom, rigid stick, two cylinders, a payload on a rope.
 
-The boom of models/boom_mesh.py is hinged to the ground, the stick to its tip; all hinges are along y. Pressures of the
-cylinders are coordinates of first order; a PreStep function opens their valves by what their lengths lack. The crane
-begins at rest, as in Exudyn's HydraulicActuatorStaticInitialization.py: distances hold it in a static solve, whose
-forces are those of the first pressures.
+The boom of models/boom_mesh.py is hinged to the ground, the stick to its tip; all hinges are along y. Pressures of
+the cylinders are coordinates of first order; a PreStep function opens their valves by what their lengths lack. The
+crane begins at rest: distances hold it in a static solve, and their forces give the first pressures.
 """
 
 from __future__ import annotations
@@ -38,14 +37,13 @@ FLOW = 5e-7  # m^3/s at the root of 1 N/m^2
 GAIN = 15.0  # 1/m
 
 
-def boom(
-    n: int = 8, h: float = 2e-3, t_end: float = 1.5, interfaces: Sequence[str] = HINGED
-) -> MechanismScene:
+def boom(n: int = 8, h: float = 2e-3, t_end: float = 1.5, interfaces: Sequence[str] = HINGED) -> MechanismScene:
     """Return the crane; its solve() is a static one and a dynamic one.
 
-    n : eigenmodes beside static ones of interfaces, RBE3; h, t_end : step, that of the controller too, and end time in
-    s; interfaces : mounts that have static modes. objects: "stick", "payload", cylinders, what holds them at first. sensors: "tip" of the
-    boom, "payload", displacements; "tip in the boom", in its frame; "pressures first", "pressures second".
+    n : eigenmodes beside static ones of interfaces, RBE3; h, t_end : step, that of the controller too, and end time
+    in s; interfaces : mounts that have static modes. objects: "stick", "payload", "rope", cylinders "first" and
+    "second", their pressures, what holds them at first. sensors: displacements "tip" of the boom, "payload", and
+    "tip in the boom" in its frame; "pressures first", "pressures second".
     """
     fem = boom_fem()
     craig_bampton(fem, interfaces, n, "RBE3")
@@ -100,12 +98,16 @@ class _Boom(MechanismScene):
 
 
 def controller(cylinders: dict[str, int]) -> Any:
-    """Return a PreStep function that opens valves of cylinders by what their lengths lack of those that are wanted."""
+    """Return a PreStep function that opens valves of cylinders by what lengths lack of those that are wanted."""
+
     def control(mbs: Any, t: float) -> bool:
         s = min(t / MOVE, 1.0)
         for name, cylinder in cylinders.items():
-            item = mbs.GetObject(cylinder)
-            wanted = item["offsetLength"] + item["strokeLength"] / 2 + MOVES[name] * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
+            begun = (
+                mbs.GetObjectParameter(cylinder, "offsetLength")
+                + mbs.GetObjectParameter(cylinder, "strokeLength") / 2
+            )
+            wanted = begun + MOVES[name] * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
             opening = GAIN * (wanted - mbs.GetObjectOutput(cylinder, exu.OutputVariableType.Distance))
             mbs.SetObjectParameter(cylinder, "valveOpening0", opening)
             mbs.SetObjectParameter(cylinder, "valveOpening1", -opening)
@@ -117,9 +119,8 @@ def controller(cylinders: dict[str, int]) -> Any:
 def _add_stick(scene: MechanismScene, places: dict[str, np.ndarray]) -> None:
     """A thin rod, with a marker where each thing is mounted."""
     way = STICK_LENGTH * SLOPE
-    inertia = RigidBodyInertia(
-        mass=STICK, com=[0, 0, 0], inertiaTensor=STICK / 12 * (way @ way * np.eye(3) - np.outer(way, way)) + 0.5 * np.eye(3)
-    )
+    tensor = STICK / 12 * (way @ way * np.eye(3) - np.outer(way, way)) + 0.5 * np.eye(3)
+    inertia = RigidBodyInertia(mass=STICK, com=[0, 0, 0], inertiaTensor=tensor)
     middle = places["tip"] + way / 2
     body = scene.mbs.CreateRigidBody(name="stick", referencePosition=middle, inertia=inertia, gravity=GRAVITY)
     scene.objects["stick"] = body
@@ -185,16 +186,15 @@ def _add_cylinder(scene: MechanismScene, name: str, ends: tuple[str, str], lengt
 
 
 def _add_sensors(scene: MechanismScene) -> None:
-    shows, node = exu.OutputVariableType, int(interface(scene.fem, "tip")[0][0])
-    of_node, of_boom = itemInterface.SensorSuperElement, {"bodyNumber": scene.bodies[0]["oFFRFreducedOrder"]}
-    sensors = {
-        "tip": of_node(meshNodeNumber=node, outputVariableType=shows.Displacement, **of_boom),
-        "tip in the boom": of_node(meshNodeNumber=node, outputVariableType=shows.DisplacementLocal, **of_boom),
-        "payload": itemInterface.SensorBody(bodyNumber=scene.objects["payload"], outputVariableType=shows.Displacement),
-    }
-    for name in CYLINDERS:
-        number = scene.objects[f"{name} pressures"]
-        sensors[f"pressures {name}"] = itemInterface.SensorNode(nodeNumber=number, outputVariableType=shows.Coordinates)
-    for name, sensor in sensors.items():
-        sensor.name, sensor.storeInternal = name, True
+    shows, objects, of_node = exu.OutputVariableType, scene.objects, itemInterface.SensorNode
+    of_mesh, boom = itemInterface.SensorSuperElement, scene.bodies[0]["oFFRFreducedOrder"]
+    tip = {"bodyNumber": boom, "meshNodeNumber": int(interface(scene.fem, "tip")[0][0])}
+    for name, kind, variable, of in (
+        ("tip", of_mesh, shows.Displacement, tip),
+        ("tip in the boom", of_mesh, shows.DisplacementLocal, tip),
+        ("payload", itemInterface.SensorBody, shows.Displacement, {"bodyNumber": objects["payload"]}),
+        ("pressures first", of_node, shows.Coordinates, {"nodeNumber": objects["first pressures"]}),
+        ("pressures second", of_node, shows.Coordinates, {"nodeNumber": objects["second pressures"]}),
+    ):
+        sensor = kind(name=name, outputVariableType=variable, storeInternal=True, **of)
         scene.sensors[name] = scene.mbs.AddSensor(sensor)

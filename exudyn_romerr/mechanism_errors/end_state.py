@@ -25,15 +25,16 @@ class EndState:
     added: State | None
     steps: np.ndarray
 
-    def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray]) -> EndState:
+    def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray], balancing: Sequence[int] = ()) -> EndState:
         """Return the same in other unknowns.
 
         Parameters
         ----------
         shapes : of each body (k, k before), coordinates of its shapes before in those that it has now
+        balancing : see State
         """
         marches = (
-            None if x is None else State(_of(x.x, self.unknowns, unknowns, shapes), x.p)
+            None if x is None else State(_of(x.x, self.unknowns, unknowns, shapes), x.p, balancing)
             for x in (self.parts, self.corrections, self.added)
         )
         more = unknowns.n_q - self.unknowns.n_q  # coordinates of first order, after a static solve

@@ -15,6 +15,7 @@ Coordinates of first order are rates, and go by the trapezoidal rule whatever th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,10 +32,14 @@ REST = 1e-4  # of the largest acceleration: a run that begins with less begins i
 
 @dataclass
 class State:
-    """x (4, n, columns): e, e', e'', the scheme's own acceleration; p (4, nodes, 4, columns): of Euler parameters."""
+    """x (4, n, columns): e, e', e'', the scheme's own acceleration; p (4, nodes, 4, columns): of Euler parameters.
+
+    balancing : unknowns whose rates, of first order, are what holds all others at rest where the next run begins.
+    """
 
     x: np.ndarray
     p: np.ndarray
+    balancing: Sequence[int] = ()
 
     @classmethod
     def at_rest(cls, unknowns: Unknowns) -> State:
@@ -91,7 +96,7 @@ class March:
         e (1, 3, n, columns), lam (1, c, columns)
         """
         u, n_a = self._unknowns, self._unknowns.n_a
-        (q, v, *_), (p, p1, *_) = before.x, before.p
+        (q, v, *_), (p, p1, *_), free = before.x.copy(), before.p, before.balancing
         left = f.copy()
         left[:n_a] -= block.K[0] @ q[:n_a] + block.D[0] @ v[:n_a]
         for S, x in zip(block.sampled, (q, v), strict=False):
@@ -100,7 +105,14 @@ class March:
             left[at] -= wave.K[0] @ q[own] + wave.D[0] @ v[own]
             left[own] -= body.springs[:, None] * q[own] + body.dampers[:, None] * v[own]
             left[own] -= wave.K_back[0].T @ q[at] + wave.D_back[0].T @ v[at]
+        if len(free):
+            others = slice(u.first_order.start)  # but vectors, which a static solve has balanced
+            able = np.hstack([block.G[0].T, block.D[0][:, free]])[others]
+            size = np.sqrt(np.maximum(np.diag(block.M[0])[others], np.finfo(float).tiny))[:, None]
+            v[free] = np.linalg.lstsq(able / size, left[others] / size, rcond=None)[0][block.G.shape[1] :]
+            left[:n_a] -= block.D[0][:, free] @ v[free]
         e, lam = self.begin(block, left, False)
+        e[0, 2, u.first_order] = 0.0  # as Exudyn has rates of first order where a solve begins
         a, turns = e[0, 2], Turns.of(block.rows[:1], u, np.zeros(1))[0]
         p_rate, p_bend = (np.stack([x[0][n.own[3:]] for n in u.nodes]) for x in (block.rows.v, block.rows.a))
         along = 2 * np.einsum("ki,kic->kc", p_rate, p1) + np.einsum("ki,kic->kc", p_bend, p)

@@ -15,7 +15,7 @@ IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs
 
 
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
-    """Return q, q_t, q_tt and multipliers as Rows have them: copies; what coordinates of first order integrate is 0."""
+    """Return copies of q, q_t, q_tt and multipliers as Rows have them; integrals of coordinates of first order: 0."""
     q, v, a, multipliers, x, rates = state_in_place(system)
     return np.append(q, 0.0 * x), np.append(v, x), np.append(a, rates), multipliers.copy()
 
@@ -39,7 +39,7 @@ def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
 def fill(
     places: Sequence[np.ndarray], q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
 ) -> None:
-    """Fill what state_in_place gives; coordinates of first order, the last of v, and multipliers if they are given."""
+    """Fill what state_in_place gives; coordinates of first order, the last of v, and multipliers where given."""
     n = len(places[0])
     for place, x in zip(places, (q[:n], v[:n], a[:n], multipliers, v[n:], a[n:]), strict=True):
         if x is not None and len(x):
@@ -64,8 +64,8 @@ _LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of
 class Equations:
     """M q'' + G^T l = f and g = 0 of an mbs in its current state; the solver writes into itself only.
 
-    size : number of coordinates. Those of first order are rates of further ones behind the others, as in Rows; masses :
-    factors of their equations.
+    size : number of coordinates. Those of first order are rates of further ones behind the others, as in Rows;
+    masses : factors of their equations.
     """
 
     def __init__(self, mbs: Any, threads: int, masses: np.ndarray | None = None):

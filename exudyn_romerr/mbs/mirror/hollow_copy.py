@@ -17,7 +17,6 @@ import scipy.linalg as la
 
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
-from ...mechanism.body import Body
 from ...mechanism.rows import Rows
 from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns

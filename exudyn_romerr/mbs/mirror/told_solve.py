@@ -164,6 +164,7 @@ def told_solve(
     flexes = asked.flexes
     mbs, n = as_built_in(mbs, flexes), mbs.systemData.ODE2Size()
     if asked.is_static:  # which holds coordinates of first order
+        held = rows.v[-1]
         rows = replace(rows, q=rows.q[:, :n], v=rows.v[:, :n], a=rows.a[:, :n])
     shown = rows[-1:] if asked.is_static else rows
     # with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0
@@ -221,7 +222,7 @@ def told_solve(
         of_modes = content.content(by_cause) if content else None
         contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one.own) for one in sensors.shown}
         told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
-        return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
+        return told, Ended(rows.q[-1], held if asked.is_static else rows.v[-1], bodies, end, asked.is_static)
 
 
 def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) -> list[Shares | None]:
@@ -303,7 +304,10 @@ def _begun_with(
         return None, ()  # the full model rests, too: its equilibrium is found anew, and nothing else is carried on
     if unknowns.n_1 and not before.is_static:
         return None, (Reason.GOES_ON.doubt(),)  # what it has left wrong of coordinates of first order has other units
-    return before.errors.of(unknowns, turns), ()
+    # pressures that a script has set to hold what a static solve has found: with all modes it sets others
+    still = is_at_rest(replace(rows, v=rows.v[:, :n]))
+    balancing = unknowns.first_order.start + np.flatnonzero(still & (before.v[n:] != rows.v[0, n:]))
+    return before.errors.of(unknowns, turns, balancing), ()
 
 
 def is_rigid(bodies: Sequence[Enriched]) -> bool:
