@@ -49,17 +49,7 @@ def boom(n: int = 8, h: float = 2e-3, t_end: float = 1.5, interfaces: Sequence[s
     craig_bampton(fem, interfaces, n, "RBE3")
     SC = exu.SystemContainer()
     scene = _Boom(SC, SC.AddSystem(), fem, ObjectFFRFreducedOrderInterface(fem), solver_settings(h, t_end))
-    mbs, gravity = scene.mbs, list(GRAVITY)
-    scene.bodies = (scene.cms.AddObjectFFRFreducedOrder(mbs, gravity=gravity, stiffnessProportionalDamping=DAMPING),)
-    places = {}
-    for name in MOUNTS:
-        nodes, weights = interface(fem, name)
-        places[name] = weights @ fem.GetNodePositionsAsArray()[nodes]
-        scene.markers[name] = mbs.AddMarker(
-            (itemInterface.MarkerSuperElementRigid if name in HINGED else itemInterface.MarkerSuperElementPosition)(
-                bodyNumber=scene.bodies[0]["oFFRFreducedOrder"], meshNodeNumbers=nodes, weightingFactors=weights
-            )
-        )
+    places = _add_boom(scene)
     places |= {"base": BASE, "lever": places["tip"] + LEVER, "end": places["tip"] + STICK_LENGTH * SLOPE}
     _add_stick(scene, places)
     _add_ground(scene, places)
@@ -72,9 +62,8 @@ def boom(n: int = 8, h: float = 2e-3, t_end: float = 1.5, interfaces: Sequence[s
     newton = scene.settings.timeIntegration.newton
     newton.numericalDifferentiation.minimumCoordinateSize = 1  # pressures are large
     newton.relativeTolerance, newton.absoluteTolerance = 1e-8, 1e-6
-    scene.settings.staticSolver.constrainODE1Coordinates = True  # pressures stay what they are
     scene.settings.staticSolver.verboseMode = 0
-    mbs.Assemble()
+    scene.mbs.Assemble()
     return scene
 
 
@@ -84,7 +73,7 @@ class _Boom(MechanismScene):
     def solve(self) -> None:
         """Find the equilibrium, give the cylinders the pressures that hold it, and solve."""
         mbs, settings = self.mbs, self.settings
-        mbs.SolveStatic(settings, updateInitialValues=True)
+        mbs.SolveStatic(settings, updateInitialValues=True)  # pressures stay what they are
         pressures = mbs.systemData.GetODE1Coordinates(exu.ConfigurationType.Initial)
         for i, (name, areas) in enumerate(CYLINDERS.items()):
             held = self.objects[f"{name} held"]
@@ -103,17 +92,29 @@ def controller(cylinders: dict[str, int]) -> Any:
     def control(mbs: Any, t: float) -> bool:
         s = min(t / MOVE, 1.0)
         for name, cylinder in cylinders.items():
-            begun = (
-                mbs.GetObjectParameter(cylinder, "offsetLength")
-                + mbs.GetObjectParameter(cylinder, "strokeLength") / 2
-            )
-            wanted = begun + MOVES[name] * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
+            item = mbs.GetObject(cylinder)
+            moved = MOVES[name] * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
+            wanted = item["offsetLength"] + item["strokeLength"] / 2 + moved
             opening = GAIN * (wanted - mbs.GetObjectOutput(cylinder, exu.OutputVariableType.Distance))
             mbs.SetObjectParameter(cylinder, "valveOpening0", opening)
             mbs.SetObjectParameter(cylinder, "valveOpening1", -opening)
         return True
 
     return control
+
+
+def _add_boom(scene: MechanismScene) -> dict[str, np.ndarray]:
+    """The flexible body, with a marker at each mount; return where these are."""
+    mbs, positions, places = scene.mbs, scene.fem.GetNodePositionsAsArray(), {}
+    items = scene.cms.AddObjectFFRFreducedOrder(mbs, gravity=GRAVITY, stiffnessProportionalDamping=DAMPING)
+    scene.bodies = (items,)
+    rigid, moved = itemInterface.MarkerSuperElementRigid, itemInterface.MarkerSuperElementPosition
+    for name in MOUNTS:
+        nodes, weights = interface(scene.fem, name)
+        on_mesh = {"meshNodeNumbers": nodes, "weightingFactors": weights}
+        marker = (rigid if name in HINGED else moved)(bodyNumber=items["oFFRFreducedOrder"], **on_mesh)
+        places[name], scene.markers[name] = weights @ positions[nodes], mbs.AddMarker(marker)
+    return places
 
 
 def _add_stick(scene: MechanismScene, places: dict[str, np.ndarray]) -> None:
@@ -138,7 +139,7 @@ def _add_ground(scene: MechanismScene, places: dict[str, np.ndarray]) -> None:
 def _add_payload(scene: MechanismScene, end: np.ndarray) -> None:
     """A mass below the stick's end; the rope is stretched by its weight from the start."""
     mbs = scene.mbs
-    place = end - [0, 0, ROPE]
+    place = end - np.array([0.0, 0.0, ROPE])
     scene.objects["payload"] = mbs.CreateMassPoint(
         name="payload", referencePosition=place, mass=PAYLOAD, gravity=GRAVITY
     )
@@ -198,3 +199,16 @@ def _add_sensors(scene: MechanismScene) -> None:
     ):
         sensor = kind(name=name, outputVariableType=variable, storeInternal=True, **of)
         scene.sensors[name] = scene.mbs.AddSensor(sensor)
+
+
+def outline(scene: MechanismScene) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and z of all lines of a side view, where the crane is now; nan between lines."""
+    mbs, boom, where = scene.mbs, scene.bodies[0]["oFFRFreducedOrder"], exu.OutputVariableType.Position
+    nodes = np.arange(len(scene.fem.GetNodePositionsAsArray())).reshape(-1, 4, 4)[:, 0]  # of the side
+    side = np.array([[mbs.GetObjectOutputSuperElement(boom, where, n) for n in row] for row in nodes.tolist()])
+    at = {name: mbs.GetMarkerOutput(marker, where) for name, marker in scene.markers.items()}
+    pairs = ("base", "lug"), ("bracket", "lever"), ("lever", "stick"), ("stick", "end"), ("end", "payload")
+    lines = [*side, *side.swapaxes(0, 1), *([at[a], at[b]] for a, b in pairs)]
+    gap = np.full((1, 3), np.nan)
+    points = np.concatenate([part for line in lines for part in (line, gap)])
+    return points[:, 0], points[:, 2]
