@@ -106,11 +106,12 @@ class March:
             left[own] -= body.springs[:, None] * q[own] + body.dampers[:, None] * v[own]
             left[own] -= wave.K_back[0].T @ q[at] + wave.D_back[0].T @ v[at]
         if len(free):
-            others = slice(u.first_order.start)  # but vectors, which a static solve has balanced
-            able = np.hstack([block.G[0].T, block.D[0][:, free]])[others]
+            others = slice(u.first_order.start)  # but oscillators, which a static solve has balanced
+            of_free = block.D[0][:, free] + sum(S[0][:, free] for S in block.sampled[1:])
+            able = np.hstack([block.G[0].T, of_free])[others]
             size = np.sqrt(np.maximum(np.diag(block.M[0])[others], np.finfo(float).tiny))[:, None]
             v[free] = np.linalg.lstsq(able / size, left[others] / size, rcond=None)[0][block.G.shape[1] :]
-            left[:n_a] -= block.D[0][:, free] @ v[free]
+            left[:n_a] -= of_free @ v[free]
         e, lam = self.begin(block, left, False)
         e[0, 2, u.first_order] = 0.0  # as Exudyn has rates of first order where a solve begins
         a, turns = e[0, 2], Turns.of(block.rows[:1], u, np.zeros(1))[0]
