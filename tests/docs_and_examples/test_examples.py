@@ -1,12 +1,14 @@
 """The examples, shortened: they run, write what they say they write, and their numbers are right."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
 from examples import (
+    boom,
     clamped_bar,
     double_pendulum,
     error_against_run_time,
@@ -270,3 +272,21 @@ def test_modes_that_the_rod_needs_are_found(tmp_path, capsys):
     assert printed.count("; its bounds are within the tolerance; their scope: coupled (linearised)") == 2
     assert "4 eigenmodes: true error" in printed
     assert (tmp_path / "how_many_modes.png").read_bytes()[:4] == PNG
+
+
+def test_crane(tmp_path, monkeypatch):
+    short = partial(boom.boom, t_end=0.04)
+    monkeypatch.setattr(boom, "boom", lambda n=8, h=0.02, **_: short(h=h))
+    monkeypatch.setattr(boom, "FINER", (1, 2))
+    boom.draw(str(path := tmp_path / "boom.png"))
+    assert path.read_bytes().startswith(PNG)
+
+
+def test_crane_prints_where_its_payload_is(monkeypatch, capsys):
+    monkeypatch.setattr(boom, "boom", partial(boom.boom, t_end=0.04))
+    monkeypatch.setattr("sys.argv", ["boom.py", "0.02"])
+    boom.main()
+    shown = capsys.readouterr().out.rpartition("payload: [")[2].rstrip("]\n")
+    x, y, z = map(float, shown.split())
+    assert abs(x) + abs(y) < 1e-2
+    assert -5e-3 < z < -4e-3  # what it hangs on has given way
