@@ -160,6 +160,15 @@ def test_a_crane_from_its_static_solve_on():
     np.testing.assert_allclose(of_static, (full["tip"] - reduced["tip"])[0], rtol=0, atol=1e-7)
 
 
+def test_what_pressures_are_off_by_without_a_mode():
+    scene = valve_arm(2)
+    monitor = attached_all(scene)
+    reduced = run(scene)
+    (in_run,) = monitor.report().modes.in_run.values()
+    change = np.abs(run(valve_arm(1))["state"] - reduced["state"]).max()
+    assert in_run.sensors["state"][1][7] == pytest.approx(change, rel=1e-2)  # behind six static modes and another
+
+
 def test_a_run_that_goes_on_says_that_what_was_before_is_not_known():
     scene = valve_arm(t_end=0.02)
     monitor = attached_all(scene)
