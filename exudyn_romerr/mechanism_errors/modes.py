@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -169,7 +169,9 @@ class Modes:
             factors = factors_of(part, h, self._of.unknowns, self._of.scheme)
             before = None if self._goes_on is None else self._goes_on.parts
             whole = (
-                None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
+                None
+                if before is None
+                else replace(before, x=before.x.sum(-1, keepdims=True), p=before.p.sum(-1, keepdims=True))
             )
             there, forces = self._coarse.through(part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]

@@ -1,6 +1,7 @@
 """The examples, shortened: they run, write what they say they write, and their numbers are right."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from examples import (
+    boom,
     clamped_bar,
     double_pendulum,
     error_against_run_time,
@@ -296,3 +298,21 @@ def test_example_for_exudyn_is_as_wrong_as_it_says(capsys):
     half = tip.uncertainty.max(axis=0)
     assert np.all(np.abs(error - tip.estimate_parts["time step"]).max(axis=0) <= half)
     assert np.abs(error).max() > 10 * half.max()
+
+
+def test_crane(tmp_path, monkeypatch):
+    short = partial(boom.boom, t_end=0.04)
+    monkeypatch.setattr(boom, "boom", lambda n=8, h=0.02, **_: short(h=h))
+    monkeypatch.setattr(boom, "FINER", (1, 2))
+    boom.draw(str(path := tmp_path / "boom.png"))
+    assert path.read_bytes().startswith(PNG)
+
+
+def test_crane_prints_where_its_payload_is(monkeypatch, capsys):
+    monkeypatch.setattr(boom, "boom", partial(boom.boom, t_end=0.04))
+    monkeypatch.setattr("sys.argv", ["boom.py", "0.02"])
+    boom.main()
+    shown = capsys.readouterr().out.rpartition("payload: [")[2].rstrip("]\n")
+    x, y, z = map(float, shown.split())
+    assert abs(x) + abs(y) < 1e-2
+    assert -5e-3 < z < -4e-3  # what it hangs on has given way

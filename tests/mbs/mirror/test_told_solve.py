@@ -17,7 +17,8 @@ from exudyn_romerr.mbs.access.detached import Detached
 from exudyn_romerr.mbs.mirror import recorder as module
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror import vectors
-from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy, unknowns_of
+from exudyn_romerr.mbs.mirror.covered import unknowns_of
+from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
 from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
@@ -415,6 +416,11 @@ class System:
 
     def GetAECoordinates(self, *_):
         return self.q[:1] - 1
+
+    def GetODE1Coordinates(self, *_):
+        return self.q[:0]
+
+    GetODE1Coordinates_t = GetODE1Coordinates
 
 
 def recorded(times):
