@@ -41,9 +41,11 @@ def fill(
 ) -> None:
     """Fill what state_in_place gives; coordinates of first order, the last of v, and multipliers where given."""
     n = len(places[0])
-    for place, x in zip(places, (q[:n], v[:n], a[:n], multipliers, v[n:], a[n:]), strict=True):
-        if x is not None and len(x):
-            place[:] = x
+    places[0][:], places[1][:], places[2][:] = q[:n], v[:n], a[:n]
+    if multipliers is not None:
+        places[3][:] = multipliers
+    if len(v) > n:
+        places[4][:], places[5][:] = v[n:], a[n:]
 
 
 @contextmanager
@@ -78,6 +80,7 @@ class Equations:
         self._plain = self._solver.GetODE2size()
         self.size = self._plain + len(self.masses)
         self._first_constraint = self._plain + self._solver.GetODE1size()
+        self._left_out = slice(self.size, self._first_constraint)
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)
         self._settings = exu.SimulationSettings()
 
@@ -105,16 +108,18 @@ class Equations:
 
     def forces(self, mbs: Any) -> np.ndarray:
         """Return f (n,), without those of constraints."""
-        first_order = self.static_balance(mbs)[self._plain : self.size] if len(self.masses) else []
+        of_first_order = self.static_balance(mbs)[self._plain : self.size] if len(self.masses) else None
         self._solver.ComputeODE2RHS(mbs)
-        return np.append(self._solver.GetSystemResidual()[: self._plain], first_order)
+        found = self._solver.GetSystemResidual()[: self._plain]
+        return found if of_first_order is None else np.append(found, of_first_order)
 
     def static_balance(self, mbs: Any) -> np.ndarray:
         """Return f + G^T l of the multipliers that are set, (n,), and g (all,): one call, a third of the time."""
         self._solver.ComputeNewtonResidual(mbs, self._settings)
         found = self._solver.GetSystemResidual()
-        first_order = self.masses * found[self._plain : self.size]
-        return np.concatenate([found[: self._plain], first_order, found[self._first_constraint :]])
+        if len(self.masses):
+            found[self._plain : self.size] *= self.masses
+        return found if self.size == self._first_constraint else np.delete(found, self._left_out)
 
 
 def _own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
