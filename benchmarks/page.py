@@ -9,9 +9,9 @@ FIGURES = ROOT / "docs" / "figures"
 
 def put(name: str, table: str, page: Path = PAGE) -> None:
     """Replace the code block after <!-- name --> by a table; ValueError if the page has no such mark."""
-    begin, end = f"<!-- {name} -->\n```text\n", "\n```"
+    begin, end = f"<!-- {name} -->\n```text", "\n```"
     head, *rest = page.read_text(encoding="utf-8").split(begin)
     if len(rest) != 1 or end not in rest[0]:
         raise ValueError(f"{page} has no code block marked {name!r}, or more than one")
     tail = rest[0].partition(end)[2]
-    page.write_text(head + begin + table + end + tail, encoding="utf-8")
+    page.write_text(f"{head}{begin}\n{table}{end}{tail}", encoding="utf-8")

@@ -250,6 +250,9 @@ def test_a_table_replaces_the_one_on_the_page(tmp_path):
     assert all(text.count(f"```text\nnew {name}\\1\n```") == 1 for name in marks)
     with pytest.raises(ValueError, match="no code block"):
         page.put("another", "", copy)
+    copy.write_text("<!-- new -->\n```text\n```\n\n## Next\n\n```text\nold\n```\n", encoding="utf-8")
+    page.put("new", "table", copy)  # an empty block took the next section with it
+    assert copy.read_text(encoding="utf-8").endswith("```text\ntable\n```\n\n## Next\n\n```text\nold\n```\n")
 
 
 def test_question_knows_claims_from_true_errors(tmp_path, capsys, monkeypatch):
