@@ -31,7 +31,17 @@ from benchmarks.told_and_true import of_seed
 MARK = "constants"
 FOLDERS = ("mechanism", "mechanism_errors", "mechanism_bounds", "mbs.mirror")
 # counts of parts of a whole, orders of a scheme and of polynomials, what IEEE numbers are: no choices
-NO_CHOICES = ("OF_MODES", "RIGID_MODES", "ORDER", "PARTS", "EPSILON", "GOLDEN", "ROUNDED", "DEFINITE", "POINTS")
+NO_CHOICES = (
+    "THIRDS",
+    "RIGID_MODES",
+    "ORDER",
+    "SECTIONS",
+    "EPSILON",
+    "GOLDEN",
+    "ROUNDED",
+    "DEFINITE",
+    "POINTS",
+)
 FACTORS = (2, 0.5)
 HEAD = f"{'':<52}{'numbers':>8}{'good':>7}{'within':>8}{'bounds':>8}{'above':>7}"
 

@@ -50,7 +50,7 @@ class OtherEquations(Protocol):
 class Mechanism:
     """What all stages of a solve share.
 
-    projectors : of each body, (PARTS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
+    projectors : of each body, (GROUPS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
     interfaces rigid. has_user_functions : which may do between samples what these do not tell.
     has_forces_by_users : whether some of them are of joints, springs and other objects.
     sign : of multipliers as sensors know them. sensors : rows of each.

@@ -11,7 +11,7 @@ from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, cubics
 
 GAUSS = np.array([0.5 + 0.5 * x for x in (-(0.6**0.5), 0.0, 0.6**0.5)])
-PARTS = 4  # of a step, a point in each where user functions may do what samples do not tell
+SECTIONS = 4  # of a step, a point in each where user functions may do what samples do not tell
 FINE = 64  # points in a step where loads jump
 STANDS_OUT, FEW = 10.0, 8  # times the median of a block; steps of which none is usual
 SMOOTH = 1e-3  # of the largest load, in the norm of the mass: what is off by less is no jump
@@ -33,7 +33,7 @@ class TrueLoads:
             return np.tile(GAUSS, (count, 1))
         numbers = self._done + np.arange(count)
         self._done += count
-        return (np.arange(PARTS) + (GOLDEN * (1 + numbers[:, None])) % 1.0) / PARTS
+        return (np.arange(SECTIONS) + (GOLDEN * (1 + numbers[:, None])) % 1.0) / SECTIONS
 
     def __call__(
         self, rows: Rows, frozen: FrozenSteps, inverses: np.ndarray, at: np.ndarray, cubic: np.ndarray

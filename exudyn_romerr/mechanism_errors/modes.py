@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 # of whose force on vectors the kicks are: thirds of the vectors, in the order in which they were found; those that
 # deform interfaces which the modes make rigid, the last third of these apart
-PARTS = ("first third", "second third", "last third", "deforming", "deforming, last third")
-OF_MODES = 3  # of PARTS
+GROUPS = ("first third", "second third", "last third", "deforming", "deforming, last third")
+THIRDS = 3  # the first GROUPS, which are of modes; those behind are of interfaces
 # between h and 2 h lie 3 times the error of steps where they resolve what vectors do, and less where they do not
 TWICE_THE_STEP = 1.5
 
@@ -67,8 +67,8 @@ class Modes:
     def __init__(self, of: Mechanism, before: EndState | None, for_bounds: bool = False):
         self._of, self._before, self._goes_on = of, None, before
         self.is_rigid = of.is_rigid
-        self._parts = len(PARTS) if self.is_rigid else OF_MODES
-        self._wanted = [OF_MODES, self._parts] if self.is_rigid else [OF_MODES]  # parts whose sums are corrected
+        self._parts = len(GROUPS) if self.is_rigid else THIRDS
+        self._wanted = [THIRDS, self._parts] if self.is_rigid else [THIRDS]  # parts whose sums are corrected
         self._first, self._second, self._coarse = (March(of.unknowns, of.scheme) for _ in range(3))
         self._before_coarse: float | None = None
         self._last: np.ndarray | None = None  # sums of parts in the row before, (3, n, wanted)
@@ -148,7 +148,7 @@ class Modes:
         """Keep estimates over time, and the largest of what tells how far they are off."""
         if "missed" in shown:
             self.now.missed, self.now.second_order = shown["missed"][..., 0], self._missed.second_order
-        z, parts = shown["whole"], dict(zip(PARTS, np.moveaxis(shown["parts"], -1, 0), strict=False))
+        z, parts = shown["whole"], dict(zip(GROUPS, np.moveaxis(shown["parts"], -1, 0), strict=False))
         self._largest.add(modes=z[..., 0], last=parts["last third"], second=parts["second third"])
         self._largest.add(change=shown["change"][..., 0] * changed, steps=shown["steps"][..., 0] / TWICE_THE_STEP)
         if self.is_rigid:
@@ -193,8 +193,8 @@ class Modes:
         return left
 
     def _shared(self, left: np.ndarray) -> np.ndarray:
-        """Parts (T, n, PARTS) of the kicks."""
-        u, found = self._of.unknowns, np.zeros((*left.shape, len(PARTS)))
+        """Parts (T, n, GROUPS) of the kicks."""
+        u, found = self._of.unknowns, np.zeros((*left.shape, len(GROUPS)))
         for projectors, own in zip(self._of.projectors, u.of_vectors(), strict=True):
             found[:, own] = np.moveaxis(left[:, own] @ projectors.swapaxes(1, 2), 0, -1)
         return found

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..mechanism_errors.march import March
-from ..mechanism_errors.modes import OF_MODES
+from ..mechanism_errors.modes import THIRDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,13 +100,13 @@ class Shares:
     def __init__(
         self, further: FurtherModes, shapes: np.ndarray, n: int, stiffness: sp.spmatrix, projectors: np.ndarray
     ):
-        """Project; shapes (N, k), n modes first; projectors (PARTS, k - n, k - n), of forces on its vectors."""
+        """Project; shapes (N, k), n modes first; projectors (GROUPS, k - n, k - n), of forces on its vectors."""
         self.call, self.count = further.call, further.number + further.modes.shape[1]
         self._own = np.arange(n - further.number, n)
         of = stiffness @ further.modes
         size = np.einsum("ij,ij->j", further.modes, of)
         K = shapes.T @ (stiffness @ shapes)
-        keeping = la.orth(projectors[:OF_MODES].sum(0).T)  # not what deforms interfaces
+        keeping = la.orth(projectors[:THIRDS].sum(0).T)  # not what deforms interfaces
         wide = la.block_diag(np.eye(n), keeping)
         known = keeping @ la.lstsq(wide.T @ K @ wide, wide.T @ (shapes.T @ of))[0][n:]  # of each, in vectors
         self._share = np.einsum("aj,bj->jab", K[n:, n:] @ known / size, known)

@@ -1,8 +1,8 @@
 """Names of what errors come from, and of the checks that tell how far an estimate can be trusted."""
 
 RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
-CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
-REDUCTION = CAUSES[:2]  # of what a run with all modes and the same steps has
+ESTIMATE_PARTS = ("basis", "interfaces", "time step", "initial", "jumps")
+REDUCTION = ESTIMATE_PARTS[:2]  # of what a run with all modes and the same steps has
 LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear equations miss of each
 # checks of the march of a whole mechanism, which tells interfaces and modes apart: vectors that it has not, and what
 # linear equations miss

@@ -273,18 +273,20 @@ class Cause(NamedTuple):
     cure: str
 
 
-OF_MODES = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved")
-OF_STEPS = ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved")
+CHECKS_OF_MODES = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved")
+CHECKS_OF_STEPS = ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved")
 CAUSES = {
-    "modes": Cause("modes", ("basis",), OF_MODES, "more modes"),
+    "modes": Cause("modes", ("basis",), CHECKS_OF_MODES, "more modes"),
     "interfaces": Cause(
         "rigid interfaces",
         ("interfaces",),
-        OF_MODES,
+        CHECKS_OF_MODES,
         "RBE3 modes; nothing, if the part is as rigid there in reality",
     ),
-    "step": Cause("step", ("time step",), OF_STEPS, "shorter steps"),
-    "start": Cause("start", ("initial", "jumps"), OF_MODES, "let loads begin smoothly, or start from equilibrium"),
+    "step": Cause("step", ("time step",), CHECKS_OF_STEPS, "shorter steps"),
+    "start": Cause(
+        "start", ("initial", "jumps"), CHECKS_OF_MODES, "let loads begin smoothly, or start from equilibrium"
+    ),
 }
 ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exudyn_romerr.report.causes import CAUSES
+from exudyn_romerr.report.causes import ESTIMATE_PARTS
 from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.report import BoundReport, OutputReport
 from exudyn_romerr.report.scope import COMPLETE, COUPLED
@@ -24,7 +24,7 @@ def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0), o
 def estimated(value, bound, parts, half=None, covers=COMPLETE, estimate_scope="", **options):
     """The same with an estimate that is zero at the first instant, and its scope."""
     out = output(value, {"auxiliary": bound}, {"auxiliary": covers}, **options)
-    out.estimate_parts = {cause: np.array([[0.0], [parts.get(cause, 0.0)]]) for cause in CAUSES}
+    out.estimate_parts = {cause: np.array([[0.0], [parts.get(cause, 0.0)]]) for cause in ESTIMATE_PARTS}
     out.uncertainty_parts = {check: np.array([[0.0], [x]]) for check, x in (half or {"proved": 0.0}).items()}
     out.estimate, out.uncertainty = (sum(found.values()) for found in (out.estimate_parts, out.uncertainty_parts))
     out.estimate_scope = estimate_scope

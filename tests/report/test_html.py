@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.assessment import rows_of
-from exudyn_romerr.report.causes import CAUSES
+from exudyn_romerr.report.causes import ESTIMATE_PARTS
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.judgement import judged, messages
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
@@ -112,8 +112,8 @@ def read(report, tolerances=None):
 def estimated(report, size):
     """Give all outputs an estimate of that share of their values, a tenth of it by each cause but the first."""
     for out in report.outputs.values():
-        parts = [(0.1 if cause != "basis" else 1.0) * size * out.value for cause in CAUSES]
-        out.estimate_parts = dict(zip(CAUSES, parts, strict=True))
+        parts = [(0.1 if cause != "basis" else 1.0) * size * out.value for cause in ESTIMATE_PARTS]
+        out.estimate_parts = dict(zip(ESTIMATE_PARTS, parts, strict=True))
         out.estimate, out.uncertainty = sum(parts), 0.1 * size * np.abs(out.value)
         out.uncertainty_parts = {"vectors": out.uncertainty}
     return report

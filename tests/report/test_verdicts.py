@@ -9,7 +9,7 @@ import pytest
 from exudyn_romerr.report import verdicts
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.assessment import OF_BOUNDS_ALONE, of_estimates, rows_of
-from exudyn_romerr.report.causes import CAUSES as PARTS_OF_ESTIMATES
+from exudyn_romerr.report.causes import ESTIMATE_PARTS
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY, Doubt, Reason
 from exudyn_romerr.report.verdicts import SHOWS_NOTHING, TOO_COARSE, judge
 from tests.helpers.report_outputs import estimated, output, report_of, with_rows
@@ -35,7 +35,7 @@ def test_each_cause_has_the_half_width_of_its_checks():
     assert (row.of["step"].size, row.of["step"].half_width) == (8e-3, pytest.approx(3.1e-4))
     assert (row.of["sum"].size, row.of["sum"].half_width) == (pytest.approx(6e-3), pytest.approx(5.1e-4))
     assert {*row.of} == {"modes", "step", "sum"}  # nothing of interfaces and starts
-    assert sorted(name for cause in verdicts.CAUSES.values() for name in cause.parts) == sorted(PARTS_OF_ESTIMATES)
+    assert sorted(name for cause in verdicts.CAUSES.values() for name in cause.parts) == sorted(ESTIMATE_PARTS)
 
 
 def test_rigid_interfaces_and_starts_are_causes_of_their_own():

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...report.causes import CAUSES
+from ...report.causes import ESTIMATE_PARTS
 from ...report.data import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts
@@ -104,7 +104,7 @@ def _estimated(
     initial = none if initial is None else initial
     basis = reduction - initial
     of_basis = ((1 - interfaces) * basis, interfaces * basis) if np.any(interfaces) else (basis, none)
-    parts = dict(zip(CAUSES, (*of_basis, total - reduction, initial, none), strict=True))
+    parts = dict(zip(ESTIMATE_PARTS, (*of_basis, total - reduction, initial, none), strict=True))
     return {
         "corrected": value + total,
         "corrected_bound": left,

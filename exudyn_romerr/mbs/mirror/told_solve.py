@@ -18,10 +18,10 @@ from ...mechanism_bounds.bounds import Bounds
 from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
-from ...mechanism_errors.modes import OF_MODES, PARTS
+from ...mechanism_errors.modes import GROUPS, THIRDS
 from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
-from ...report.causes import CAUSES, REDUCTION
+from ...report.causes import ESTIMATE_PARTS, REDUCTION
 from ...report.data import extents
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason, beside_steps
@@ -255,7 +255,7 @@ def _begun_with(
     if not goes_on:
         return None, ()
     turns = [in_shapes_of(one, was) for one, was in zip(bodies, before.bodies, strict=False)]
-    parts = len(PARTS) if is_rigid(bodies) else OF_MODES
+    parts = len(GROUPS) if is_rigid(bodies) else THIRDS
     is_known = before.errors is not None and before.errors.parts.x.shape[2] == parts
     if not is_known or len(turns) < len(bodies) or any(turn is None for turn in turns):
         return None, (Reason.GOES_ON.doubt(),)
@@ -303,7 +303,9 @@ def _output(
     own = sensor.own
     value, bound = value[:, own], bound[:, own]
     none = np.broadcast_to(0.0, value.shape)  # takes no memory
-    parts = dict.fromkeys(CAUSES, none) | {PART_OF[cause]: x.over_time[:, own] for cause, x in by_cause.items()}
+    parts = dict.fromkeys(ESTIMATE_PARTS, none) | {
+        PART_OF[cause]: x.over_time[:, own] for cause, x in by_cause.items()
+    }
     checks: dict[str, np.ndarray] = {}
     shown = extents(value, sensor.of == "position").max(initial=0.0)
     for cause, x in by_cause.items():
@@ -340,4 +342,4 @@ def _causes(bound: np.ndarray, parts: dict[str, np.ndarray]) -> dict[str, np.nda
     modes, stiff = (np.abs(parts[cause]).max(axis=0, initial=0.0) for cause in REDUCTION)
     share = np.divide(stiff, modes + stiff, out=np.zeros_like(stiff), where=stiff > 0)
     none = np.broadcast_to(0.0, bound.shape)
-    return dict.fromkeys(CAUSES, none) | {"basis": (1 - share) * bound, "interfaces": share * bound}
+    return dict.fromkeys(ESTIMATE_PARTS, none) | {"basis": (1 - share) * bound, "interfaces": share * bound}

@@ -18,7 +18,7 @@ from ...mechanism.body import Body, Place
 from ...mechanism.rows import Rows
 from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
-from ...mechanism_errors.modes import PARTS, OfBody
+from ...mechanism_errors.modes import GROUPS, OfBody
 from ...model.admissible_space import rigid_modes
 from ...model.shared_body import made_once
 from ...report.data import NodeFields
@@ -42,7 +42,7 @@ class Enriched:
     """A body in closed form and whose force each of its vectors carries.
 
     body : modes, kept vectors (seen by the rest of the mechanism, or slow), oscillators. shapes (N, k) : all of them.
-    projectors (PARTS, m, m) : of the force on vectors (kept, then oscillators), what belongs to each part. weights :
+    projectors (GROUPS, m, m) : of the force on vectors (kept, then oscillators), what belongs to each part. weights :
     numbers of loads on the body's mass, which the closed form has.
     """
 
@@ -139,7 +139,7 @@ def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
 
 
 def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """P (N, m), M-orthonormal oscillators, the projectors of their parts (PARTS, m, m), frequencies (m,) rad/s."""
+    """P (N, m), M-orthonormal oscillators, the projectors of their parts (GROUPS, m, m), frequencies (m,) rad/s."""
     V = known.held.space.coordinates("V", known.model.held)
     of = V, *known.forces(), count, None if known.stiff is None else known.stiff.Z
     return made_once(known.held, "vectors", of, lambda: _made(known, V, count))
@@ -160,12 +160,12 @@ def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.nd
     apart[:m, m:] = K[:m, m:] / np.diag(K)[:m, None]
     part, turn = np.append(part, np.zeros(X.shape[1], int)), la.block_diag(turn, np.eye(X.shape[1])) @ apart @ T
     back = np.linalg.inv(turn)  # y = turn eta: force on eta = turn^T force on y
-    parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(PARTS))]
+    parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(GROUPS))]
     return held.space.expand(P @ T), np.array(parts), np.sqrt(squares)
 
 
 def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Number of PARTS of each vector, in their order; keeps : interfaces rigid; first : of the first two thirds."""
+    """Number of GROUPS of each vector, in their order; keeps : interfaces rigid; first : of the first two thirds."""
     part = np.zeros(len(keeps), int)
     order = np.flatnonzero(keeps)
     part[order] = np.where(first[order], 0, 2)
