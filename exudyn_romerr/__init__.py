@@ -11,6 +11,7 @@ from ._version import __version__ as __version__
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .basis.basis import Basis, gramian_basis, krylov_basis, modal_basis
+    from .basis.second_order_model import SecondOrder, from_pymor
     from .errors import AssumptionError, InputError, RomErrError, RunError
     from .fe_files.fe_model import FEModel
     from .fe_files.read_body import read_body
@@ -54,6 +55,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
 
 _NAMES = {  # by module
     "basis.basis": "Basis gramian_basis krylov_basis modal_basis",
+    "basis.second_order_model": "SecondOrder from_pymor",
     "errors": "AssumptionError InputError RomErrError RunError",
     "fe_files.fe_model": "FEModel",
     "fe_files.read_body": "read_body",
