@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks import page
+from exudyn_romerr.report.wording import listed
 
 ROOT = Path("main/pythonDev")
 FOLDERS = ("Examples", "TestModels")
@@ -142,7 +143,9 @@ def cell(verdict: dict[str, Any] | None) -> str:
         return ""
     if verdict["size"] is None:
         return verdict["how"] if verdict["how"] == NO_NUMBER else verdict["answer"]
-    return f"{verdict['size']:.1e} +- {verdict['half_width'] or 0.0:.0e}"
+    if verdict["half_width"] is None:  # a sum of which a part is not known
+        return f"{verdict['size']:.1e} or more"
+    return f"{verdict['size']:.1e} +- {verdict['half_width']:.0e}"
 
 
 def sensor_rows(name: str, run: Ran, verify: Ran | None) -> list[list[str]]:
@@ -184,7 +187,7 @@ def script_row(name: str, bare: Ran, run: Ran, verify: Ran | None) -> list[str]:
 
 
 def _is_number(verdict: dict[str, Any] | None) -> bool:
-    return verdict is not None and verdict["size"] is not None
+    return verdict is not None and None not in (verdict["size"], verdict["half_width"])
 
 
 def reasons(name: str, run: Ran) -> list[str]:
@@ -213,6 +216,16 @@ def short_table(rows: list[list[str]]) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
+def without_a_number(name: str, run: Ran, verify: Ran | None) -> list[str]:
+    """Return a line for each reason why sensors of a script have neither an estimate nor a measured number."""
+    measured, found = by_sensor(verify.told) if verify else {}, {}
+    for row in run.told.get("sensors", ()):
+        whole = row["sum"], measured.get((row["solve"], row["name"]), {}).get("sum")
+        if not any(map(_is_number, whole)):
+            found.setdefault(row["sum"]["reason"].partition(";")[0], []).append(row["name"])
+    return [f"{name}, {listed([*dict.fromkeys(names)])}: {why}" for why, names in found.items()]
+
+
 def main(arguments: list[str] | None = None) -> str:
     """Run the scripts, print and return the tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
@@ -229,7 +242,7 @@ def main(arguments: list[str] | None = None) -> str:
     scripts = [path for path in scripts_in(options.checkout) if not options.only or path.stem in options.only]
     if not scripts:
         parser.error(f"no script with a reduced flexible body below {options.checkout / ROOT}")
-    of_scripts, of_sensors, why = [], [], []
+    of_scripts, of_sensors, why, without = [], [], [], []
     with tempfile.TemporaryDirectory() as place:
         for script in scripts:
             name = script.relative_to(options.checkout / ROOT).with_suffix("").as_posix()
@@ -241,13 +254,14 @@ def main(arguments: list[str] | None = None) -> str:
             of_scripts.append(script_row(name, bare, run, verify))
             of_sensors += sensor_rows(name, run, verify)
             why += reasons(name, run)
+            without += without_a_number(script.stem, run, verify) if bare.status == 0 else []
             print(" | ".join(of_scripts[-1]), flush=True)
     text = "\n\n".join(
         filter(None, [table(SCRIPTS_HEAD, of_scripts), table(SENSORS_HEAD, of_sensors), "\n".join(why)])
     )
     print(f"\n{text}")
     if options.docs:
-        page.put("examples", short_table(of_scripts))
+        page.put("examples", "\n".join([short_table(of_scripts), *without]))
     return text
 
 

@@ -1,5 +1,8 @@
-"""Compare romerr tune with a full scan: what it finds, in how much of the time: python benchmarks/tune.py.
+"""Compare romerr tune with a full scan: what it finds, in how much of the time.
 
+    python benchmarks/tune.py [--checkout CHECKOUT] [--docs]    writes the table into docs/measured.md
+
+CHECKOUT is a work tree of github.com/jgerstmayr/EXUDYN, of which one script is a case, too; that needs ngsolve.
 The scan runs the script with every number of modes and every step of a grid, in processes of their own, bare. Truth:
 twelve more modes than the most of these, Richardson's of an eighth and a sixteenth of the script's step. As in tune,
 a curve through values at steps has to show what is between them. What rigid interfaces make is in no run of the scan:
@@ -8,27 +11,45 @@ scripts have RBE3 modes, or a tolerance far above it.
 
 import argparse
 import os
+import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 import exudyn_romerr as romerr
+from benchmarks import exudyn_examples, page
 from exudyn_romerr.report.answers import tolerances_of
 from exudyn_romerr.report.data import extents
+from exudyn_romerr.report.verdict_text import aligned
 from exudyn_romerr.scripts.child_run import Request, Result, run_child
 
-ROOT = Path(__file__).resolve().parents[1]
 STEPS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 1.5, 2)  # times as many as the script's
 FINER = 8  # times the script's steps, and twice that: of the truth
 MORE = 12  # modes: of the truth
+ALIKE = 1.05  # times the CPU time: what two runs of one pair differ by
 CASES = (  # script, its arguments, tolerance, most modes of the scan
     ("benchmarks/tune_scene.py", ("slider_crank",), "1%", 6),
     ("benchmarks/tune_scene.py", ("double_pendulum",), "0.05%", 4),
     ("examples/hinged_arm.py", (), "10%", 2),
-    ("benchmarks/tune_scene.py", ("pendulum",), "1%", 4),
+    ("benchmarks/tune_scene.py", ("pendulum",), "2%", 4),
+)
+EXUDYNS = ("Examples/NGsolveCraigBampton.py", (), "0.1%", 8)
+HEAD = (
+    "script",
+    "within",
+    "scan: modes, steps",
+    "runs",
+    "CPU s",
+    "tune: modes, steps",
+    "runs",
+    "CPU s",
+    "true error",
 )
 
 
@@ -79,46 +100,74 @@ def _ran(request: Request) -> Result:
 
 
 def cheapest(runs: list[Scanned]) -> Scanned | None:
-    """The cheapest run of the scan that is within the tolerance; None: none is."""
-    return min((run for run in runs if run.ratio <= 1), key=lambda run: run.seconds, default=None)
+    """That of fewest modes of the runs within the tolerance that take hardly more than the fastest; None: none is."""
+    enough = [run for run in runs if run.ratio <= 1]
+    least = ALIKE * min((run.seconds for run in enough), default=0.0)
+    return min((run for run in enough if run.seconds <= least), key=lambda run: run.modes, default=None)
 
 
 def main(arguments=None) -> list[tuple]:
     """Compare, print a line a case; return (scanned, found, tuning) of each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, nargs="+", default=range(len(CASES)), help="numbers of these")
+    parser.add_argument("--cases", type=int, nargs="*", default=range(len(CASES)), help="numbers of these")
+    parser.add_argument("--checkout", type=Path, help="work tree of Exudyn's repository: one of its scripts, too")
     parser.add_argument("--short", action="store_true", help="a small grid")
     parser.add_argument(
         "--script", nargs=3, metavar=("FILE", "TOLERANCE", "MODES"), help="another one, in its folder"
     )
     parser.add_argument("--steps", type=float, nargs="+", default=STEPS, help="times the script's: those of the scan")
     parser.add_argument("--verbose", action="store_true", help="all runs, too")
+    parser.add_argument("--docs", action="store_true", help=f"write the table into {page.PAGE.name}")
     given = parser.parse_args(arguments)
-    print("script, tolerance | scan: modes, steps, runs, CPU s | tune: the same, answer | true error of its pair")
-    found = []
-    cases = [CASES[k] for k in given.cases]
+    cases = [(str(page.ROOT / script), *of) for script, *of in (CASES[k] for k in given.cases)]
     if given.script:
         script, tolerance, most = given.script
         cases = [(os.path.abspath(script), (), tolerance, int(most))]
-    for script, own, tolerance, most in cases:
-        path = str(ROOT / script)
-        tuned = romerr.tune(path, own, tolerance=tolerance)
-        truth = Truth(Request("scan", path, os.getcwd(), own), most, tolerance)
-        modes, times = (range(1, 3), (1 / 2, 1)) if given.short else (range(1, most + 1), given.steps)
-        runs = [truth.run(n, round(x * truth.count)) for n in modes for x in times]
-        best, pair = cheapest(runs), tuned.closest.pair
-        of_scan = "none" if best is None else f"{best.modes}, {best.steps}"
-        true = truth.run(pair.numbers[-1], pair.steps).ratio
-        print(
-            f"{Path(script).stem} {' '.join(own)} {tolerance} | {of_scan}, {len(runs)}, "
-            f"{sum(run.all_seconds for run in runs):.0f} | {pair.numbers[-1]}, {pair.steps}, {len(tuned.runs)}, "
-            f"{tuned.all_seconds:.0f}, {tuned.answer.value} | {100 * true:.0f} % of the tolerance",
-            flush=True,
-        )
-        if given.verbose:
-            print(tuned, *runs, sep="\n")
-        found.append((runs, best, tuned, true))
+    grid = (range(1, 3), (1 / 2, 1)) if given.short else (None, given.steps)
+    found, lines, home = [], [HEAD], os.getcwd()
+    with tempfile.TemporaryDirectory() as place:
+        if given.checkout:
+            script, *of = EXUDYNS
+            exudyn_examples.put(given.checkout / exudyn_examples.ROOT / script, folder := Path(place) / "script")
+            cases.append((str(folder / Path(script).name), *of))
+        for case in cases:
+            # a script of Exudyn's writes beside itself
+            os.chdir(Path(case[0]).parent if case[0].startswith(place) else home)
+            found.append(compared(*case, *grid))
+            lines.append(line_of(*case[:3], *found[-1]))
+            print("  ".join(lines[-1]), flush=True)
+            if given.verbose:
+                runs, _, tuned, _ = found[-1]
+                print(tuned, *runs, sep="\n", flush=True)
+        os.chdir(home)
+    table = "\n".join(aligned(lines))
+    print(f"\n{table}")
+    if given.docs:
+        page.put("tune", table)
     return found
+
+
+def compared(script, own, tolerance, most, modes, times) -> tuple:
+    """Scan and tune a script: runs of the scan, the cheapest within the tolerance, Tuning, true error of its pair."""
+    tuned = romerr.tune(script, own, tolerance=tolerance)
+    truth = Truth(Request("scan", script, os.getcwd(), own), most, tolerance)
+    runs = [truth.run(n, round(x * truth.count)) for n in modes or range(1, most + 1) for x in times]
+    pair = tuned.closest.pair
+    return runs, cheapest(runs), tuned, truth.run(pair.numbers[-1], pair.steps).ratio
+
+
+def line_of(script, own, tolerance, runs, best, tuned, true) -> list[str]:
+    """The line of a script in the table."""
+    pair, seconds = tuned.closest.pair, sum(run.all_seconds for run in runs)
+    return [
+        " ".join((Path(script).stem, *own)),
+        tolerance,
+        "none" if best is None else f"{best.modes}, {best.steps}",
+        *(str(len(runs)), f"{seconds:.0f}"),
+        f"{pair.numbers[-1]}, {pair.steps}, {tuned.answer.value}",
+        *(str(len(tuned.runs)), f"{tuned.all_seconds:.0f}"),
+        f"{100 * true:.0f} % of that",
+    ]
 
 
 if __name__ == "__main__":

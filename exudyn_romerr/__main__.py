@@ -41,7 +41,7 @@ WRITTEN = ("save", "html", "plot", "json")
 JUDGED = ("tolerance", "units", "quiet")
 OPTIONS = {  # of commands about a script; those that write a file first
     "save": {"metavar": "file", "help": "write the reports for romerr show, plot, report: run.npz"},
-    "html": {"metavar": "file", "help": "write an HTML page"},
+    "html": {"metavar": "file", "help": "write an HTML page, one sheet of A4 in print"},
     "plot": {"metavar": "file", "help": "draw the sensors and their errors: .png, .svg, .pdf"},
     "json": {"metavar": "file", "help": "write all numbers and answers for other programs"},
     "table": {"metavar": "file", "help": "write the tables: modes.csv or modes.html"},
@@ -132,8 +132,8 @@ OF_FILES = {
         write=lambda report, to, given: report.plot(to, given.output),
     ),
     "report": _OfFile(
-        "write an HTML page",
-        "run.npz -o run.html",
+        "write an HTML page, one sheet of A4 in print",
+        "run.npz -o page.html",
         ending="html",
         write=lambda report, to, given: report.to_html(to, given.tolerance),
     ),

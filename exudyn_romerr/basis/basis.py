@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ..checks import check_array, check_count, check_type
 from ..errors import AssumptionError, InputError
@@ -82,7 +82,7 @@ def modal_basis(body: ElasticBody, n: int) -> Basis:
     return Basis(body.expand(body.modes(n).shapes), note=f"modal, {n} modes")
 
 
-def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float] = (0.0,)) -> Basis:
+def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: ArrayLike = (0.0,)) -> Basis:
     """Return an M-orthonormal basis that matches moments of the transfer function at real shifts.
 
     Parameters

@@ -19,7 +19,7 @@ WIDE static void make_matrices_wide(const StepMatrices *all) { make_matrices(all
 #define MARCH_ARRAYS 12
 #define BODY_ARRAYS 10
 #define MECHANISM                                                                                                      \
-    "march_mechanism((T, n, n_a, c, columns, orders), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ "   \
+    "march_mechanism((T, n, n_a, c, columns, orders, first_order), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ "   \
     "of mechanism/march.py: write e (T, 3, n, columns) and l (T, c, columns), go on with x (4, n, columns) and p (4, "    \
     "nodes, 4, columns)."
 
@@ -85,14 +85,15 @@ static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
 {
     Mechanism all = {0};
     PyObject *scheme, *starts, *bodies, *given[MARCH_ARRAYS], *written[4], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "(nnnnnn)OOO!(OOOOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &all.orders,
-                          &scheme, &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4,
+    if (!PyArg_ParseTuple(arguments, "(nnnnnnn)OOO!(OOOOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &all.orders,
+                          &all.first_order, &scheme, &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4,
                           given + 5, given + 6, given + 7, given + 8, given + 9, given + 10, given + 11, written, written + 1,
                           written + 2, written + 3))
         return NULL;
     const Size nodes = PyObject_Length(starts);
     if (nodes < 0 || !are_sizes(5, all.T, all.n + all.k, all.n_a + all.k, all.c + 1, 70 * (nodes + 1)) ||
-        !are_sizes(3, all.n, all.n_a, all.k) || all.n_a > all.n || all.orders < 0 || all.orders > 2)
+        !are_sizes(3, all.n, all.n_a, all.k) || all.n_a > all.n || all.orders < 0 || all.orders > 2 ||
+        all.first_order < 0 || all.first_order > all.n_a)
         return PyErr_Occurred() ? NULL : PyErr_Format(PyExc_ValueError, "more unknowns than there are");
     all.nodes = nodes, all.bodies = PyList_GET_SIZE(bodies);
     Held held = {PyMem_Calloc(MARCH_ARRAYS + 6 + BODY_ARRAYS * all.bodies, sizeof(Py_buffer)), 0};

@@ -13,7 +13,7 @@ typedef struct {
 typedef struct { double p[4], J[12], H[12], H1[12], H2[12], B1[9], B2[9]; } Turn;
 
 typedef struct {
-    Size T, n, n_a, k, c, orders, nodes, bodies;
+    Size T, n, n_a, k, c, orders, first_order, nodes, bodies; /* first_order: the last of n_a, rates by the trapezoidal rule */
     const int64_t *spin; /* (nodes): where their rotations are */
     const Oscillating *body;
     const double *scheme, *h, *c1, *c2, *M, *D, *K, *C, *inverse, *sampled, *f, *g; /* sampled: (orders, T, n_a, n_a) */
@@ -71,6 +71,7 @@ INLINE void march_columns(const Mechanism *a, Size c)
 {
     const double share = (1 - a->scheme[1]) / (1 - a->scheme[0]);
     const Size n = a->n, n_a = a->n_a, k = a->k, N = n * c, na = n_a * c, w = n_a + k, E = 4 * a->nodes * c;
+    const Size of_first = na - a->first_order * c;
     double *x = a->x, *y = a->y, *q = a->work, *v = q + N, *r = v + N, *z = r + na + k * c, *P = z + N, *P1 = P + E;
     double *nu = P1 + E, *a0 = nu + E;
     for (Size i = 0; i < a->T; i++) {
@@ -80,6 +81,7 @@ INLINE void march_columns(const Mechanism *a, Size c)
         for (Size o = 0; o < a->orders; o++) /* by the row before */
             add(n_a, n_a, c, -1, a->sampled + (o * a->T + i) * n_a * n_a, x + o * N, r);
         predict(N, a->h[i], a->scheme, x, q, v), predict(E, a->h[i], a->scheme, y, P, P1);
+        for (Size j = of_first; j < na; j++) v[j] = x[N + j] + a->h[i] / 2 * x[2 * N + j];
         for (Size b = 0; b < a->nodes; b++) {
             const Size at = a->spin[b];
             predict_turn(turn + b, c, c2, P + 4 * b * c, P1 + 4 * b * c, nu + 4 * b * c, q + at * c, v + at * c,
@@ -100,6 +102,7 @@ INLINE void march_columns(const Mechanism *a, Size c)
                 for (Size o = 0; o < c; o++) W[j * c + o] *= B->soft[i * B->m + j];
         }
         for (Size j = 0; j < N; j++) x[j] = q[j] + z[j], x[N + j] = v[j] + c2 * z[j], x[2 * N + j] = c1 * z[j];
+        for (Size j = of_first; j < na; j++) x[2 * N + j] = 2 * c2 / a->h[i] * z[j];
         for (Size b = 0; b < a->nodes; b++) {
             const double *zb = z + a->spin[b] * c;
             double *ab = x + 2 * N + a->spin[b] * c;

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ..checks import check_choice
 from ..errors import InputError
@@ -41,7 +42,7 @@ class FEModel:
         node_sets: dict[str, np.ndarray] | None = None,
         elements: dict[str, np.ndarray] | None = None,
         held: np.ndarray | Sequence[int] = (),
-        rayleigh: Sequence[float] | None = None,
+        rayleigh: ArrayLike | None = None,
         fixed: Any = (),
         reference: Any = None,
     ):
@@ -59,11 +60,11 @@ class FEModel:
 
     def elastic_body(
         self,
-        rayleigh: Sequence[float] | None = None,
-        fixed: str | Sequence[str | int] = (),
+        rayleigh: ArrayLike | None = None,
+        fixed: ArrayLike = (),
         reference: Any = None,
         damping: Any = None,
-        modal_damping: float | Sequence[float] | None = None,
+        modal_damping: ArrayLike | None = None,
     ) -> ElasticBody:
         """Return an ElasticBody of these matrices; what the file holds is fixed, too.
 

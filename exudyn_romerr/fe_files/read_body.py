@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .abaqus_input import read_input
@@ -30,8 +31,8 @@ def read_body(
     mass: str | os.PathLike | None = None,
     stiffness: str | os.PathLike | None = None,
     mesh: str | os.PathLike | None = None,
-    rayleigh: Sequence[float] | None = None,
-    fixed: str | Sequence[str | int] = (),
+    rayleigh: ArrayLike | None = None,
+    fixed: ArrayLike = (),
     reference: Any = None,
 ) -> FEModel:
     """Read mass and stiffness, and what else is there: nodes, elements, node sets, supports.

@@ -14,6 +14,8 @@ from .rows import Rows
 from .scheme import Scheme
 from .unknowns import Unknowns
 
+ROUNDED = 1e3 * np.finfo(float).eps  # of a body's size: motion that is rounding
+
 
 class OtherEquations(Protocol):
     """Equations of all but the floating bodies, with kept vectors.
@@ -72,6 +74,11 @@ class Mechanism:
         wide = np.zeros((len(lam), self.rows.multipliers.shape[1], lam.shape[-1]))
         wide[:, self.equations.independent] = self.sign * lam
         return wide
+
+
+def rests(unknowns: Unknowns, rows: Rows) -> bool:
+    """Return whether coordinates change by rounding alone."""
+    return bool(np.abs(rows.q - rows.q[0]).max(initial=0.0) <= ROUNDED * unknowns.largest_size)
 
 
 def unbalanced_share(unknowns: Unknowns, rows: Rows, equations: OtherEquations, readings: Readings) -> float:

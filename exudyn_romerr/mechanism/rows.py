@@ -21,6 +21,7 @@ class Rows(Samples):
     """Accepted steps of one solve, in the coordinates of the mbs.
 
     t (S,) s; q, v, a (S, n_q) : coordinates without reference values, rates, accelerations; multipliers (S, all).
+    Coordinates of first order (ODE1) are rates: of further coordinates, the last ones, on which nothing depends.
     """
 
     t: np.ndarray

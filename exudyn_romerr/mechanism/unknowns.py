@@ -48,20 +48,33 @@ class TurningNode:
 
 
 class Unknowns:
-    """Sizes: n_q coordinates of the mbs, n_a unknowns, m oscillators, in all n = n_a + m.
+    """Sizes: n_q coordinates of the mbs, n_1 of them of first order, n_a unknowns, m oscillators, n = n_a + m in all.
 
     blocks, waves : slices of each body's unknowns and oscillators. plain : slices of (coordinates, unknowns) that are
-    the same. kept : unknowns of kept vectors, which the mbs of the run does not have; own : all others. nodes : with
-    Euler parameters, those of bodies first. turns : unknowns of their rotations.
+    the same, but for units. kept : unknowns of kept vectors, which the mbs of the run does not have; own : all
+    others. nodes : with Euler parameters, those of bodies first. turns : unknowns of their rotations. first_order :
+    unknowns whose rates are coordinates of first order; speed : these rates at the largest of these coordinates.
     """
 
-    def __init__(self, bodies: Sequence[Body], others: Sequence[tuple[np.ndarray, np.ndarray | None]], n_q: int):
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        others: Sequence[tuple[np.ndarray, np.ndarray | None]],
+        n_q: int,
+        first_order: np.ndarray | None = None,
+        duration: float = 1.0,
+    ):
         """Lay out unknowns.
 
         Parameters
         ----------
         others : of every other node its coordinates, and its reference (7,) where these are Euler parameters
+        first_order : the largest of each coordinate of first order, which Rows have last; n_q : without these
+        duration : of the run, s
         """
+        largest = np.zeros(0) if first_order is None else first_order
+        self.n_1 = len(largest)
+        others, n_q = [*others, (n_q + np.arange(self.n_1), None)], n_q + self.n_1
         self.bodies, self.n_q = list(bodies), n_q
         self.nodes: list[TurningNode] = []
         self.blocks, self.waves = [], []
@@ -88,6 +101,11 @@ class Unknowns:
             self.waves.append(slice(first, first + body.m))
             first += body.m
         self.n = first
+        self.first_order = slice(self.n_a - self.n_1, self.n_a)
+        self.speed, self.units = 0.0, np.ones(n_q)
+        if self.n_1:  # while others move by a body's size along the run, these come to their largest
+            self.speed = self.largest_size / duration
+            self.units[n_q - self.n_1 :] = np.where(largest > 0, largest, 1.0) / self.speed
         self.turns = np.array([i for node in self.nodes for i in range(node.at + 3, node.at + 6)], int)
 
     def of_vectors(self) -> list[list[int]]:
@@ -113,7 +131,7 @@ class Unknowns:
         """Return J, J', J'' (3, ..., n_q, n_a): dq = J z of unknowns z in axes of bodies, with rates in global."""
         J = np.zeros((3, *q.shape[:-1], self.n_q, self.n_a))
         for own, at in self.plain:
-            J[0][..., own, at] = np.eye(own.stop - own.start)
+            J[0][..., own, at] = np.diag(self.units[own])
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
             A = rotation_matrix(p) if node.is_frame else np.eye(3)
@@ -126,7 +144,7 @@ class Unknowns:
         """Return X J (T, r, n_a) of X (T, r, n_q) in states q (T, n_q); J as `jacobians` has it, zero of vectors."""
         found = np.zeros((*X.shape[:-1], self.n_a))
         for own, at in self.plain:
-            found[..., at] = X[..., own]
+            found[..., at] = X[..., own] * self.units[own]
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
             A = rotation_matrix(p) if node.is_frame else np.eye(3)
@@ -138,7 +156,7 @@ class Unknowns:
         """Return X H (T, r, n_q) of X (T, r, n_a or n): unknowns z = H dq in global axes, zero of vectors."""
         found = np.zeros((*X.shape[:-1], self.n_q))
         for own, at in self.plain:
-            found[..., own] = X[..., at]
+            found[..., own] = X[..., at] / self.units[own]
         for node in self.nodes:
             dr, dphi = node.shifts_and_turns
             found[..., node.own[:3]] = X[..., dr]
@@ -149,7 +167,7 @@ class Unknowns:
         """Return e (T, 3, n_q, columns), with rates, in unknowns (T, 3, n, columns) in global axes; no vectors."""
         z = np.zeros((*e.shape[:2], self.n, e.shape[3]))
         for own, at in self.plain:
-            z[:, :, at] = e[:, :, own]
+            z[:, :, at] = e[:, :, own] / self.units[own, None]
         for node in self.nodes:
             dr, dphi = node.shifts_and_turns
             z[:, :, dr] = e[:, :, node.own[:3]]
@@ -184,7 +202,7 @@ class Unknowns:
         moved = [x.copy() for x in states]
         for x, y in zip(moved, z, strict=True):
             for own, at in self.plain:
-                x[..., own] += y[..., at]
+                x[..., own] += y[..., at] * self.units[own]
         for node in self.nodes:
             place, turn = node.own[:3], node.own[3:]
             shift, phi = ([y[..., part] for y in z] for part in node.shifts_and_turns)

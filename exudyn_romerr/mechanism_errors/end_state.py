@@ -25,18 +25,21 @@ class EndState:
     added: State | None
     steps: np.ndarray
 
-    def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray]) -> EndState:
+    def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray], balancing: Sequence[int] = ()) -> EndState:
         """Return the same in other unknowns.
 
         Parameters
         ----------
         shapes : of each body (k, k before), coordinates of its shapes before in those that it has now
+        balancing : see State
         """
         marches = (
-            None if x is None else State(_of(x.x, self.unknowns, unknowns, shapes), x.p)
+            None if x is None else State(_of(x.x, self.unknowns, unknowns, shapes), x.p, balancing)
             for x in (self.parts, self.corrections, self.added)
         )
-        return EndState(unknowns, *marches, self.steps)
+        more = unknowns.n_q - self.unknowns.n_q  # coordinates of first order, after a static solve
+        steps = np.pad(self.steps.reshape(-1, 2, self.unknowns.n_q), ((0, 0), (0, 0), (0, more)))
+        return EndState(unknowns, *marches, steps.reshape(len(steps), -1))
 
 
 def _of(x: np.ndarray, before: Unknowns, now: Unknowns, shapes: Sequence[np.ndarray]) -> np.ndarray:
@@ -46,7 +49,7 @@ def _of(x: np.ndarray, before: Unknowns, now: Unknowns, shapes: Sequence[np.ndar
         found[:, at[:6]] = x[:, was[:6]]
         found[:, at[6:]] = turn @ x[:, was[6:]]
     first, own = before.blocks[-1].stop, now.blocks[-1].stop
-    found[:, own : now.n_a] = x[:, first : before.n_a]
+    found[:, own : own + before.n_a - first] = x[:, first : before.n_a]
     return found
 
 

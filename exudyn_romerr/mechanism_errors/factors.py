@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,10 @@ def factors_of(block: Block, h: np.ndarray, unknowns: Unknowns, scheme: Scheme) 
     """Return factors of steps of lengths h (T,) that end at the rows of a block."""
     c1, c2 = scheme.mass_and_damping(h)
     turns = Turns.of(block.rows, unknowns, c2)
+    if unknowns.n_1:  # whose accelerations are other multiples of increments
+        M, own = block.M.copy(), unknowns.first_order
+        M[:, own, own] *= (2 * c2 / (h * c1))[:, None, None]
+        block = replace(block, M=M)
     make = _matrices if loops is None else _matrices_compiled
     A, *coupled = make(block, unknowns, turns, c1, c2)
     return Factors(bordered_inverses(A, block.G, block.C), *coupled, turns, c1, c2, h)

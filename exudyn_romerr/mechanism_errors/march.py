@@ -9,10 +9,13 @@ z = H dp, a step from predictions P, P' has, with zeta the increment of z,
     dp = P + delta ,  dp' = P' + c2 delta ,  dp'' = c1 delta ,   delta = J zeta + nu ,  nu = -p (p . P)
     z = H P + zeta ,  z' = H P' + H' (P + nu) + (c2 + H' J) zeta ,
     z'' = 2 H' (P' + c2 nu) + H'' (P + nu) + (c1 + 2 c2 H' J + H'' J) zeta .
+
+Coordinates of first order are rates, and go by the trapezoidal rule whatever the scheme is, as Exudyn's do.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +32,14 @@ REST = 1e-4  # of the largest acceleration: a run that begins with less begins i
 
 @dataclass
 class State:
-    """x (4, n, columns): e, e', e'', the scheme's own acceleration; p (4, nodes, 4, columns): of Euler parameters."""
+    """x (4, n, columns): e, e', e'', the scheme's own acceleration; p (4, nodes, 4, columns): of Euler parameters.
+
+    balancing : unknowns whose rates, of first order, are what holds all others at rest where the next run begins.
+    """
 
     x: np.ndarray
     p: np.ndarray
+    balancing: Sequence[int] = ()
 
     @classmethod
     def at_rest(cls, unknowns: Unknowns) -> State:
@@ -75,7 +82,8 @@ class March:
         if self.state is not None:
             return self(block, factors, f, g)
         if before is None:
-            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()), g[0])
+            rests = is_at_rest(block.rows) and not self._unknowns.n_1
+            begun = self.begin(block, f[0], rests and bool(f[0].any()), g[0])
         else:
             begun = self.go_on(block, f[0], before)
         return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:], g[1:]), strict=True)))
@@ -88,7 +96,7 @@ class March:
         e (1, 3, n, columns), lam (1, c, columns)
         """
         u, n_a = self._unknowns, self._unknowns.n_a
-        (q, v, *_), (p, p1, *_) = before.x, before.p
+        (q, v, *_), (p, p1, *_), free = before.x.copy(), before.p, before.balancing
         left = f.copy()
         left[:n_a] -= block.K[0] @ q[:n_a] + block.D[0] @ v[:n_a]
         for S, x in zip(block.sampled, (q, v), strict=False):
@@ -97,7 +105,15 @@ class March:
             left[at] -= wave.K[0] @ q[own] + wave.D[0] @ v[own]
             left[own] -= body.springs[:, None] * q[own] + body.dampers[:, None] * v[own]
             left[own] -= wave.K_back[0].T @ q[at] + wave.D_back[0].T @ v[at]
+        if len(free):
+            others = slice(u.first_order.start)  # but oscillators, which a static solve has balanced
+            of_free = block.D[0][:, free] + sum(S[0][:, free] for S in block.sampled[1:])
+            able = np.hstack([block.G[0].T, of_free])[others]
+            size = np.sqrt(np.maximum(np.diag(block.M[0])[others], np.finfo(float).tiny))[:, None]
+            v[free] = np.linalg.lstsq(able / size, left[others] / size, rcond=None)[0][block.G.shape[1] :]
+            left[:n_a] -= of_free @ v[free]
         e, lam = self.begin(block, left, False)
+        e[0, 2, u.first_order] = 0.0  # as Exudyn has rates of first order where a solve begins
         a, turns = e[0, 2], Turns.of(block.rows[:1], u, np.zeros(1))[0]
         p_rate, p_bend = (np.stack([x[0][n.own[3:]] for n in u.nodes]) for x in (block.rows.v, block.rows.a))
         along = 2 * np.einsum("ki,kic->kc", p_rate, p1) + np.einsum("ki,kic->kc", p_bend, p)
@@ -159,6 +175,8 @@ class March:
         u, s, n_a, turns = self._unknowns, self._scheme, self._unknowns.n_a, factors.turns[i]
         h, c1, c2, flat = factors.h[i], factors.c1[i], factors.c2[i], (-1, f.shape[1])
         (q, v, carried), (P, P1, carried_p) = (predicted(x, h, s) for x in (self.state.x, self.state.p))
+        of_first = u.first_order
+        v[of_first] = self.state.x[1, of_first] + h / 2 * self.state.x[2, of_first]
         nu = -turns.p[:, :, None] * np.einsum("ki,kic->kc", turns.p, P)[:, None]
         q[u.turns], v[u.turns] = (turns.H @ P).reshape(flat), (turns.H @ P1 + turns.H1 @ (P + nu)).reshape(flat)
         a0 = (2 * turns.H1 @ (P1 + c2 * nu) + turns.H2 @ (P + nu)).reshape(flat)
@@ -180,6 +198,7 @@ class March:
         q, v = q + z, v + c2 * z
         v[u.turns] += (turns.B1 @ zeta).reshape(flat)
         a[u.turns] += a0 + (turns.B2 @ zeta).reshape(flat)
+        a[of_first] = 2 * c2 / h * z[of_first]
         delta, share = turns.J @ zeta + nu, (1 - s.alpha_f) / (1 - s.alpha_m)
         x = np.array([q, v, a, carried + share * a])
         p = np.array([P + delta, P1 + c2 * delta, c1 * delta, carried_p + share * c1 * delta])
@@ -198,7 +217,7 @@ class March:
         )
         T, n, columns = f.shape
         loops.march_mechanism(
-            (T, n, u.n_a, block.C.shape[1], columns, len(block.sampled)),
+            (T, n, u.n_a, block.C.shape[1], columns, len(block.sampled), u.n_1),
             np.array([s.alpha_m, s.alpha_f, s.beta, s.gamma]),
             starts_of_turns(u),
             bodies_given(block, u, factors.up, factors.down, factors.soft),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,11 +47,22 @@ class Marched:
     second_order: np.ndarray | None = None
 
 
-class Modes:
-    """Marches block after block. now : the last block.
+@dataclass
+class OfBody:
+    """What errors have of one body's shapes.
 
-    squares : of each body, the sum over rows of x x^T (m, m), x what errors have of its vectors.
+    squares (m, m) : the sum over rows of x x^T of vectors. deformed (k,) : all shapes in the row where |U x|_M is
+    largest; size, row : that norm and its number.
     """
+
+    squares: np.ndarray | float = 0.0
+    deformed: np.ndarray | None = None
+    size: float = 0.0
+    row: int = 0
+
+
+class Modes:
+    """Marches block after block. now : the last block. of_bodies : see OfBody."""
 
     def __init__(self, of: Mechanism, before: EndState | None, for_bounds: bool = False):
         self._of, self._before, self._goes_on = of, None, before
@@ -65,7 +76,7 @@ class Modes:
         self.now: Marched | None = None
         self._for_bounds = for_bounds
         self._missed = None if of.readings.splined.is_sampled else MissedForces(of, for_bounds, before)
-        self.squares = [0.0] * len(of.unknowns.bodies)
+        self.of_bodies = [OfBody() for _ in of.unknowns.bodies]
 
     def take(self, block: Block, first: int, unmoved: UnmovedForces) -> None:
         """Go on through a block of rows of the run that begins at number `first`."""
@@ -88,9 +99,7 @@ class Modes:
             f = f + kicks
             beside = {"missed": of_rest} if self._for_bounds else {}
         self.now = Marched(block, f, whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
-        for b, own in enumerate(u.of_vectors()):
-            x = whole[:, 0, own, -1]
-            self.squares[b] = self.squares[b] + x.T @ x
+        self._note_deformation(first, whole[:, 0, :, -1])
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
@@ -103,6 +112,18 @@ class Modes:
             **beside,
         )
         self._keep(shown, changed)
+
+    def _note_deformation(self, first: int, e: np.ndarray) -> None:
+        """Take what errors e (T, n) of rows from `first` on have of each body's shapes."""
+        u = self._of.unknowns
+        for body, block, wave, found in zip(u.bodies, u.blocks, u.waves, self.of_bodies, strict=True):
+            x = e[:, [*range(block.start + 6, block.stop), *range(wave.start, wave.stop)]]
+            found.squares = found.squares + x[:, body.n :].T @ x[:, body.n :]
+            sizes = np.sqrt(np.maximum(np.einsum("ti,ti->t", x @ body.M, x), 0.0))
+            sizes = np.where(np.isfinite(sizes), sizes, np.inf)  # what grows beyond all numbers is the largest
+            worst = int(np.argmax(sizes))
+            if found.deformed is None or sizes[worst] > found.size:
+                found.deformed, found.size, found.row = x[worst].copy(), sizes[worst], first + worst
 
     def _without_sampled(self, block: Block, f: np.ndarray, e: np.ndarray) -> np.ndarray:
         """Return kicks f (T, n, columns) less what is sampled of e (T, 3, n, columns) at the begins of steps."""
@@ -148,7 +169,9 @@ class Modes:
             factors = factors_of(part, h, self._of.unknowns, self._of.scheme)
             before = None if self._goes_on is None else self._goes_on.parts
             whole = (
-                None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
+                None
+                if before is None
+                else replace(before, x=before.x.sum(-1, keepdims=True), p=before.p.sum(-1, keepdims=True))
             )
             there, forces = self._coarse.through(part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]

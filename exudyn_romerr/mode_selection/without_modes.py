@@ -76,12 +76,14 @@ class WithoutModes:
     def _changes(self) -> Iterator[np.ndarray]:
         """Yield what outputs change by without each mode, (T, R, modes), block by block."""
         u, x, before = self._unknowns, None, 0.0
+        rates = slice(u.n_q - u.n_1, u.n_q)  # coordinates of first order go by the trapezoidal rule, as in the march
         for a in range(0, len(self._rows), count := rows_at_once(u)):
             rows = self._rows[a : a + count]
             system = ReducedSystem.of(block_of(rows, u, self._splined), u)
             h = np.diff(rows.t, prepend=before if a else rows.t[0] - 1.0)
             before, (c1, c2) = rows.t[-1], self._scheme.mass_and_damping(h)
             A = c1[:, None, None] * system.M + c2[:, None, None] * system.D + system.K
+            A[:, rates, rates] += (2 * c2 / h - c1)[:, None, None] * system.M[:, rates, rates]
             X = bordered_inverses(A, system.G, system.C)
             d, lam = np.zeros((len(rows), 3, u.n_q, len(self._own))), []
             for i in range(len(rows)):
@@ -94,7 +96,8 @@ class WithoutModes:
         """First row: at rest in its own equilibrium, or from where the run begins."""
         own, columns, n = self._own, np.arange(len(self._own)), self._unknowns.n_q
         x = np.zeros((4, n, len(own)))
-        rests, first = is_at_rest(self._rows), [part[0, own] for part in (self._rows.q, self._rows.v, self._rows.a)]
+        rests = is_at_rest(self._rows) and not self._unknowns.n_1
+        first = [part[0, own] for part in (self._rows.q, self._rows.v, self._rows.a)]
         if not rests:
             x[0, own, columns], x[1, own, columns] = first[:2]
         inverses = bordered_pseudoinverses if rests else bordered_inverses
@@ -110,9 +113,12 @@ class WithoutModes:
         """Go on to row i of a block."""
         (h, c1, c2), s, n = (of[i] for of in steps), self._scheme, self._unknowns.n_q
         q, v, carried = predicted(x, h, s)
+        rates = slice(n - self._unknowns.n_1, n)
+        v[rates] = x[1, rates] + h / 2 * x[2, rates]
         z = X @ np.concatenate([-(system.K[i] @ q + system.D[i] @ v), -system.C[i] @ q])
         z = self._prescribed(z, X, rows.q[i, self._own] - q[self._own, np.arange(len(self._own))])
         a = c1 * z[:n]
+        a[rates] = 2 * c2 / h * z[rates]
         own = carried + (1 - s.alpha_f) / (1 - s.alpha_m) * a
         return np.array([q + z[:n], v + c2 * z[:n], a, own]), z[n:]
 

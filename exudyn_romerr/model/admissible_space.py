@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ..checks import check_array, check_nodes
 from ..errors import AssumptionError, InputError
@@ -65,7 +66,7 @@ def rigid_modes(positions: np.ndarray) -> np.ndarray:
     return np.concatenate([shifts, skew(-positions)], axis=2).reshape(-1, RIGID_MODES)
 
 
-def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) -> MeanMotion:
+def mean_motion(nodes: ArrayLike, weights: ArrayLike | None = None) -> MeanMotion:
     """Return the reference conditions that hold a body by the mean motion of some nodes, as RBE3 interfaces do.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ..checks import check_count
 from ..errors import AssumptionError, InputError
@@ -77,13 +78,13 @@ class ElasticBody:
         self,
         mass: Any,
         stiffness: Any,
-        rayleigh: Sequence[float] | None = None,
+        rayleigh: ArrayLike | None = None,
         damping: Any = None,
-        fixed: Sequence[int] = (),
+        fixed: ArrayLike = (),
         positions: Any = None,
         reference: MeanMotion | MassOrthogonal | None = None,
         rigid: Sequence[Sequence[int]] = (),
-        modal_damping: float | Sequence[float] | None = None,
+        modal_damping: ArrayLike | None = None,
     ):
         self.results: dict[tuple[str, bytes], Any] = {}  # see shared_body.made_once
         self.precision = {"mass": precision(mass), "stiffness": precision(stiffness), "damping": precision(damping)}
@@ -121,10 +122,10 @@ class ElasticBody:
     def from_fem(
         cls,
         fem: Any,
-        rayleigh: Sequence[float] | None = None,
-        fixed: Sequence[int] = (),
+        rayleigh: ArrayLike | None = None,
+        fixed: ArrayLike = (),
         reference: Any = None,
-        modal_damping: float | Sequence[float] | None = None,
+        modal_damping: ArrayLike | None = None,
     ) -> ElasticBody:
         """Take mass, stiffness and node positions from an Exudyn FEMinterface (3 coordinates a node).
 

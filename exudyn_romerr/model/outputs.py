@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..checks import check_array, check_choice, check_nodes, real_array
 from ..errors import InputError
@@ -167,8 +168,8 @@ def node_rotation(name: str, *, node: int, component: str = "xyz", unit: str = "
 def mean_displacement(
     name: str,
     *,
-    nodes: Sequence[int],
-    weights: Sequence[float] | None = None,
+    nodes: ArrayLike,
+    weights: ArrayLike | None = None,
     component: str = "xyz",
     unit: str = "",
     frame: str = "body",
@@ -180,8 +181,8 @@ def mean_displacement(
 def mean_rotation(
     name: str,
     *,
-    nodes: Sequence[int],
-    weights: Sequence[float] | None = None,
+    nodes: ArrayLike,
+    weights: ArrayLike | None = None,
     component: str = "xyz",
     unit: str = "rad",
 ) -> Output:

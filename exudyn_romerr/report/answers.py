@@ -71,7 +71,7 @@ class Tolerances:
     """
 
     def __init__(self, texts: Sequence[str] = ()):
-        self.is_given, self.texts = bool(texts), tuple(texts)
+        self.texts, self.is_given = tuple(texts), bool(texts)
         self._of: dict[str | None, tuple[float, bool]] = {}
         for text in texts:
             name, number = _named(text)

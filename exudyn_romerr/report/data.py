@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shlex
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -73,9 +74,9 @@ class Plan:
 class NodeFields:
     """What is known of displacements at the mesh nodes, by estimator at its worst instant.
 
-    bound : (nodes,) of the length of the error. estimate : (nodes, 3), the error, signed; without those that know
-    none of it. displacement : (nodes, 3) of the reduced body. instant : its time. positions : (nodes, 3) without
-    load. Only `bound` is in reports that 0.1 saved.
+    bound : (nodes,) of the length of the error; in a mechanism there is none. estimate : (nodes, 3), the error,
+    signed; without those that know none of it. displacement : (nodes, 3) of the reduced body. instant : its time.
+    positions : (nodes, 3) without load. Only `bound` is in reports that 0.1 saved.
     """
 
     bound: dict[str, np.ndarray]
@@ -233,7 +234,9 @@ class ReportData:
         if callable(self.nodes):
             self.nodes = self.nodes()
         if self.nodes is None:
-            raise InputError("node_bound was not saved with this report; ask for it before save() or pickling")
+            raise InputError(
+                "what is known at nodes was not saved with this report; ask for it before save() or pickling"
+            )
         return self.nodes
 
     def __getstate__(self) -> dict:
@@ -272,6 +275,7 @@ def made_here() -> dict[str, str]:
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "script": sys.argv[0] if sys.argv[0] not in ("", "-", "-c") else "interactive session",
+        "arguments": shlex.join(sys.argv[1:]),
         "system": SYSTEM,
         "exudyn_romerr": __version__,
         "python": platform.python_version(),

@@ -64,8 +64,7 @@ def summary(report: ReportData, tolerances: Tolerances | None = None) -> str:
     """Return the text of a report, a line for each output; tolerances : in place of those that attach was given."""
     rows, answers, why = judged(report, tolerances)
     tables = ["", *aligned(table(by_sensor(rows), OUTPUT)), ""] if has_numbers(rows) else []
-    truths = [line for out in report.outputs.values() for line in _compared(out, report.time)]
-    lines = [*_first(report), *answers, *tables, *why, *truths, *(f"! {text}" for text in messages(report))]
+    lines = [*_first(report), *answers, *tables, *why, *truths(report), *(f"! {text}" for text in messages(report))]
     return "\n".join([*lines, *shared_lines(report), *([MORE] if rows else [])])
 
 
@@ -144,6 +143,12 @@ def messages(report: ReportData) -> Iterator[str]:
         yield f"{'bounds: ' if only_bounds else ''}{SAMPLED}"
 
 
+def truths(report: ReportData) -> Iterator[str]:
+    """Yield what truths say that were compared."""
+    for out in report.outputs.values():
+        yield from _compared(out, report.time)
+
+
 def _compared(out: OutputReport, time: str) -> Iterator[str]:
     """What a truth says that was compared."""
     if not out.effectivity:
@@ -175,7 +180,7 @@ class Solve:
     number: int
     kind: str
     bodies: int
-    report: ReportData | None = None
+    report: Any = None  # a BoundReport, whose module imports this one
     failure: Exception | None = None
     refused: list[tuple[str, str]] = field(default_factory=list)
     sensors: list[str] = field(default_factory=list)

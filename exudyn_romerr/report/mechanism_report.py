@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError, RunError
 from .assessment import Assessment
-from .data import DICTS, OPTIONAL, Plan, line_of
+from .data import DICTS, OPTIONAL, NodeFields, Plan, line_of
 from .formats.npz_file import bodies_of, fields_of, read_npz
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
@@ -22,6 +22,7 @@ ASK_BODIES = (
     "a mechanism has no {} of its own: ask report.bodies[...] where their scope is another than 'coupled "
     "(linearised)', which has none, or attach with scope='inputs frozen'"
 )
+MANY_BODIES = "a mechanism of several bodies has no mesh of its own: ask report.bodies[...]"
 LEFT_OUT = "neither estimated nor bounded: {}; print(report.plan) says why"
 NO_BOUND = "estimated only, no bound of it is known: {}"
 
@@ -38,14 +39,23 @@ class MechanismReport(BoundReport):
     """One report for a mechanism: outputs of all bodies, and of sensors that are on none of them.
 
     Everything that a BoundReport does; outputs of sensors on no flexible body have an estimate, and the bound inf.
-    bodies : of attach, one BoundReport for each body, in the order that it was given; they have position_bound,
-    velocity_bound and node_bound, of which the mechanism's raise InputError. scope : what the bounds of all outputs
-    cover, the narrowest of the bodies'.
+    bodies : one BoundReport for each body, in the order that attach was given or the script adds them; they have
+    position_bound, velocity_bound and node_bound, of which the mechanism's raise InputError, and estimates at nodes,
+    which plot_body and to_vtu show. scope : what the bounds of all outputs cover, the narrowest of the bodies'.
     """
 
-    def at_nodes(self) -> NoReturn:
+    @property
+    def node_bound(self) -> NoReturn:
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
+
+    def at_nodes(self) -> NodeFields:
+        """Return what is known at the nodes of its body; InputError where it has several."""
+        if self.nodes is None and self.bodies:
+            if len(self.bodies) > 1:
+                raise InputError(MANY_BODIES)
+            return self.bodies[0].at_nodes()
+        return super().at_nodes()
 
     def assess(self, name: str, tolerance: float, relative: bool = False, cause: str | None = None) -> Assessment:
         """As of a body: what is proved of one needs no other; see BoundReport.assess."""

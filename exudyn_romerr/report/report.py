@@ -180,7 +180,7 @@ class BoundReport(ReportData):
         return plot_causes(self, path, outputs)
 
     def plot_body(self, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
-        """Draw the body, coloured by node_bound; mesh and options: see surface.draw_body. Return the figure."""
+        """Draw the body, coloured by errors at nodes; mesh, options: see surface.draw_body. Return the figure."""
         from .plots.body_surface import plot_body
 
         return plot_body(self, mesh, path, **options)
@@ -194,13 +194,13 @@ class BoundReport(ReportData):
         write_csv(self, path)
 
     def to_vtu(self, path: str | os.PathLike, mesh: Any = None, estimator: str | None = None) -> None:
-        """Write mesh, displacement, node bound and estimate at the worst instant; see formats.vtu_file.write_vtu."""
+        """Write mesh, displacement, node bound or estimate at the worst instant; see formats.vtu_file.write_vtu."""
         from .formats.vtu_file import write_vtu
 
         write_vtu(self, path, mesh, estimator)
 
     def to_html(self, path: str | os.PathLike, tolerance: Sequence[str] | str | float | None = None) -> None:
-        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot.
+        """Write a page for others, one sheet of A4 in print, that needs no other file; InputError if it cannot.
 
         tolerance : as of summary().
         """

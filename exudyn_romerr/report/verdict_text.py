@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
 
-from .answers import SHARE, Answer
+from .answers import SHARE, Answer, worst
 from .verdicts import CAUSES, MEASURED, NONE, Row, Verdict
-from .wording import digits, listed, percent, rounded_up
+from .wording import digits, listed, percent, rounded_up, with_unit
 
 TITLES = {name: cause.title for name, cause in CAUSES.items()} | {"sum": "whole error"}
 NOT_RIGID = (
@@ -49,11 +49,11 @@ def by_sensor(rows: Sequence[Row]) -> list[Row]:
     told: list[Row] = []
     for of in found.values():
         first = max(of, key=lambda row: (row.share("sum"), _known_share(row)))
-        worst = [first]
+        its = [first]
         for cause in CAUSES:
             row = max(of, key=lambda row, cause=cause, first=first: (row.share(cause), row is first))
-            worst += [row] if row not in worst else []
-        told += worst
+            its += [row] if row not in its else []
+        told += its
     return told
 
 
@@ -176,9 +176,35 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
     together = [row for row in wrong if row.name not in named]  # no cause is too large, all of them together are
     told = [("sum", together), *((cause, _worth_a_sentence(rows, cause)) for cause in _largest_first(rows))]
     in_solves = len({row.solve for row in rows}) > 1
+    return [*(_of_cause(of, cause, in_solves) for cause, of in told if of), *after_the_step(rows)]
+
+
+def after_the_step(rows: Sequence[Row]) -> list[str]:
+    """Return the sentence that names what cannot be judged yet; nothing where all can."""
     coarse = _names(row for row in rows if row.is_coarse)
-    said = [_of_cause(of, cause, in_solves) for cause, of in told if of]
-    return said + [AFTER_THE_STEP.format(coarse)] * bool(coarse)
+    return [AFTER_THE_STEP.format(coarse)] * bool(coarse)
+
+
+def worst_first(rows: Sequence[Row]) -> list[Row]:
+    """Return rows by the answer on their whole error, of one answer that with the largest share first."""
+    order = list(Answer)
+    return sorted(rows, key=lambda row: (order.index(row.answer), row.share("sum")), reverse=True)
+
+
+def worst_of_cause(rows: Sequence[Row], cause: str) -> tuple[Row, str]:
+    """Return the row in which a cause is worst, of those that its sentence is about, and what to do about it."""
+    told = (cause != "sum" and _worth_a_sentence(rows, cause)) or _with(rows, cause)
+    answer = worst(row.of[cause].answer for row in told)
+    return _worst_of_one_answer([row for row in told if row.of[cause].answer is answer], cause)
+
+
+def _worst_of_one_answer(rows: Sequence[Row], cause: str) -> tuple[Row, str]:
+    """The worst row, and what to do, so that it helps all of them."""
+    row = max(rows, key=lambda row: row.share(cause))
+    verdict = row.of[cause]
+    if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
+        return row, NOT_RIGID
+    return row, max(rows, key=lambda row: row.shortening).of[cause].cure if cause == "step" else verdict.cure
 
 
 def _worth_a_sentence(rows: Sequence[Row], cause: str) -> list[Row]:
@@ -205,17 +231,15 @@ def _of_cause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
 
 
 def _clause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
-    """What is said of rows of one answer: the worst, and what to do, so that it helps all of them."""
-    row = max(rows, key=lambda row: row.share(cause))
-    cure = max(rows, key=lambda row: row.shortening).of[cause].cure if cause == "step" else row.of[cause].cure
+    """What is said of rows of one answer: the worst, and what to do."""
+    row, cure = _worst_of_one_answer(rows, cause)
     verdict = row.of[cause]
     is_close = verdict.answer is Answer.NOT_KNOWN and verdict.is_resolved and not verdict.reason
     where = f"{row.label or row.name}{f' in solve {row.solve}' if in_solves else ''}"
     size = f"{verdict.how if verdict.how == MEASURED else 'about'} {size_in_words(verdict, row.unit, row.extent)}"
     said = f"{verdict.answer.value}{' (too close to the tolerance)' * is_close}, {size} at {where}"
-    if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
-        return f"{said}, {NOT_RIGID}"
-    return f"{said}{cure and f'; {cure}'}"
+    between = ", " if cure is NOT_RIGID else "; "
+    return f"{said}{cure and f'{between}{cure}'}"
 
 
 def table(rows: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
@@ -276,6 +300,16 @@ def size_in_words(verdict: Verdict, unit: str = "", of: float | None = None) -> 
         half = f" +- {rounded_up(off, 2)}" if off > SHOWN * size else ""
         said = f"{digits(size, 2)}{half}{unit}"
     return f"{said} ({percent(size / of) or 'more than 10 times'})" if of else said
+
+
+def size_and_half(verdict: Verdict, unit: str, of: float | None) -> tuple[str, str]:
+    """Return size and half width apart; of what is not resolved, or at round-off, the size has both in it."""
+    if verdict.size is None:
+        return "", ""
+    if verdict.half_width is None or not verdict.is_resolved or verdict.is_at_round_off:
+        return size_in_words(verdict, unit, of), "" if verdict.half_width is None else "included"
+    half = rounded_up(float(f"{verdict.half_width:.3g}"), 2)
+    return size_in_words(replace(verdict, half_width=0.0), unit, of), with_unit(half, unit)
 
 
 def reasons(rows: Sequence[Row], script: str = YOURS) -> list[str]:

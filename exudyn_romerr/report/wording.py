@@ -7,6 +7,7 @@ from math import floor, log10
 
 import numpy as np
 
+from ..errors import InputError
 from .data import OutputReport, ReportData
 from .scope import (
     COMPLETE,
@@ -45,6 +46,9 @@ SAMPLED = (
     "does between the samples"
 )
 MEASURE_IT = "romerr verify your_script.py measures the whole error"
+NOT_AT_NODES = (
+    "the error of this body is as large as its deformation: what it is at nodes is not known. " + MEASURE_IT
+)
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -97,9 +101,15 @@ def widest(scope: dict[str, str]) -> list[str]:
 
 
 def sharpest_at_nodes(report: ReportData) -> str:
-    """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest."""
-    known = (e for e in widest(report.scope) if e in report.node_bound)
-    return min(known, key=lambda e: np.max(report.node_bound[e]))
+    """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest.
+
+    Where there are no bounds: the one that has an estimate; InputError if that is not known either.
+    """
+    nodes = report.at_nodes()
+    known = [e for e in widest(report.scope) if e in nodes.bound] or [*nodes.estimate]
+    if not known:
+        raise InputError(NOT_AT_NODES)
+    return min(known, key=lambda e: np.max(nodes.bound.get(e, np.inf)))
 
 
 def under(scope: dict[str, str], e: str = "best", doubts: Iterable[Doubt] = ()) -> str:
@@ -173,8 +183,13 @@ def shared_lines(report: ReportData) -> list[str]:
     """Return what is said of the bounds of all outputs: of a mechanism what all bodies share once."""
     if report.position_bound:
         return estimator_lines(report)
+    return [f"  {line}" for line in assumed_lines(report)]
+
+
+def assumed_lines(report: ReportData) -> list[str]:
+    """Return what each estimator assumes, then scope_lines, of a mechanism what all bodies share once."""
     assumed = [f"{e}: {reason}" for e, reason in report.reasons.items()]
-    return [f"  {line}" for line in [*assumed, *numbered([scope_lines(one) for one in report.bodies or (report,)])]]
+    return [*assumed, *numbered([scope_lines(one) for one in report.bodies or (report,)])]
 
 
 def numbered(lines: Sequence[Sequence[str]]) -> list[str]:

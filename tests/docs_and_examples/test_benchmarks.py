@@ -309,4 +309,4 @@ def test_tune_is_compared_with_a_scan(capsys):
     assert [(run.modes, run.steps) for run in runs] == [(1, 100), (1, 200), (2, 100), (2, 200)]
     assert all(np.isfinite(run.ratio) and run.ratio > 0 for run in runs)
     assert (tuned.answer.value == "enough") == (true <= 1)
-    assert "% of the tolerance" in capsys.readouterr().out
+    assert "% of that" in capsys.readouterr().out

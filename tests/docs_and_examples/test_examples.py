@@ -1,12 +1,15 @@
 """The examples, shortened: they run, write what they say they write, and their numbers are right."""
 
 import re
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
 from examples import (
+    boom,
     clamped_bar,
     double_pendulum,
     error_against_run_time,
@@ -23,6 +26,7 @@ from examples import (
 )
 from models import exact, linkage
 
+ROOT = Path(__file__).resolve().parents[2]
 SHORT = 0.03  # s simulated: the largest reduction error of the linkage comes within the first 10 ms
 PNG = b"\x89PNG"
 # The closed form loses nothing but rounding, 1e-16, times the spread of the terms of the equation of motion.
@@ -280,3 +284,45 @@ def test_bounds_of_a_model_of_pymor_are_nearer_than_its_norms():
     assert about == pytest.approx(true, rel=1e-3)
     assert true <= most <= 1.01 * true
     assert by_norm > 100 * most
+
+
+def solved_as_in_exudyn(steps):
+    """What the example for Exudyn's folder has at its end, of short thick links that are meshed and solved fast."""
+    path = ROOT / "examples" / "reductionErrorCMS.py"
+    code = path.read_text(encoding="utf-8").replace("endTime = 0.5", "endTime = 0.01")
+    for name, value in {"useGraphics": False, "nSteps": steps, "W": 0.2}.items():
+        code, count = re.subn(rf"^{name} *= *\S+", f"{name} = {value}", code, flags=re.MULTILINE)
+        assert count == 1
+    found = {}
+    exec(compile(code, path, "exec"), found)
+    return found["report"]
+
+
+def test_example_for_exudyn_is_as_wrong_as_it_says(capsys):
+    """The truth are steps 20 times as short, whose own error is a seventh of the half width."""
+    pytest.importorskip("ngsolve")
+    coarse, fine = (solved_as_in_exudyn(steps) for steps in (20, 400))
+    assert "Step: too large" in capsys.readouterr().out
+    tip = coarse.output("tip")
+    error = fine.output("tip").value[::20] - tip.value
+    half = tip.uncertainty.max(axis=0)
+    assert np.all(np.abs(error - tip.estimate_parts["time step"]).max(axis=0) <= half)
+    assert np.abs(error).max() > 10 * half.max()
+
+
+def test_crane(tmp_path, monkeypatch):
+    short = partial(boom.boom, t_end=0.04)
+    monkeypatch.setattr(boom, "boom", lambda n=8, h=0.02, **_: short(h=h))
+    monkeypatch.setattr(boom, "FINER", (1, 2))
+    boom.draw(str(path := tmp_path / "boom.png"))
+    assert path.read_bytes().startswith(PNG)
+
+
+def test_crane_prints_where_its_payload_is(monkeypatch, capsys):
+    monkeypatch.setattr(boom, "boom", partial(boom.boom, t_end=0.04))
+    monkeypatch.setattr("sys.argv", ["boom.py", "0.02"])
+    boom.main()
+    shown = capsys.readouterr().out.rpartition("payload: [")[2].rstrip("]\n")
+    x, y, z = map(float, shown.split())
+    assert abs(x) + abs(y) < 1e-2
+    assert -5e-3 < z < -4e-3  # what it hangs on has given way

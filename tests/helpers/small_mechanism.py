@@ -16,16 +16,16 @@ class SmallMechanism:
     """A body, whose frame a constraint holds along x, and another node of three coordinates on a spring.
 
     rows : of a motion that is smooth, and turns where `turns`. unknowns, rest : as the stages have them. samples :
-    whether forces are fed back by the begins of steps, too.
+    whether forces are fed back by the begins of steps, too. first_order : how many coordinates of first order.
     """
 
-    def __init__(self, T=12, turns=True, seed=0, samples=False):
+    def __init__(self, T=12, turns=True, seed=0, samples=False, first_order=0):
         rng = np.random.default_rng(seed)
         self.small = SmallBody(seed)
         n_q = 7 + self.small.body.n + 3
         other = np.arange(7 + self.small.body.n, n_q)
-        self.unknowns = Unknowns([self.small.body], [(other, None)], n_q)
-        self.rows, self._samples = self._motion(T, turns, n_q, rng), samples
+        self.unknowns = Unknowns([self.small.body], [(other, None)], n_q, np.full(first_order, 7.0), H * T)
+        self.rows, self._samples = self._motion(T, turns, self.unknowns.n_q, rng), samples
         readings = [self._reading(rng) for _ in range(2)]
         self.rest = Splined(
             self.rows[[0, -1]], readings, np.ones(self.unknowns.n_a), np.ones(readings[0].H.shape[-1])
@@ -49,11 +49,11 @@ class SmallMechanism:
 
     def _reading(self, rng):
         n = self.unknowns.n_a
-        half = rng.normal(size=(n, n))
-        at = np.arange(n - 3, n)
-        M = np.zeros((n, n))
-        M[at, at] = 2.0
+        half, rates = rng.normal(size=(n, n)), self.unknowns.first_order
+        at = np.arange(rates.start - 3, n)
+        M, K = np.zeros((n, n)), half @ half.T
+        M[at, at], K[:, rates] = 2.0, 0.0
         C = np.zeros((1, n))
-        C[0, [0, n - 3]] = 1.0, -0.5
+        C[0, [0, rates.start - 3]] = 1.0, -0.5
         sampled = tuple(0.1**k * np.outer(*rng.normal(size=(2, n))) for k in range(2)) if self._samples else ()
-        return Reading.of(M, 0.01 * half @ half.T, half @ half.T, C, C, sp.csr_matrix((n * n, 1)), sampled=sampled)
+        return Reading.of(M, 0.01 * half @ half.T, K, C, C, sp.csr_matrix((n * n, 1)), sampled=sampled)

@@ -53,10 +53,11 @@ def left(mechanism, f, e, lam):
     return r, block.C @ e[:, 0, :n]
 
 
+@pytest.mark.parametrize("first_order", [0, 2])
 @pytest.mark.parametrize("samples", [False, True])
 @pytest.mark.parametrize("turns", [False, True])
-def test_every_row_obeys_the_equations(turns, samples):
-    mechanism = SmallMechanism(turns=turns, samples=samples)
+def test_every_row_obeys_the_equations(turns, samples, first_order):
+    mechanism = SmallMechanism(turns=turns, samples=samples, first_order=first_order)
     assert len(mechanism.rest.sampled(mechanism.rows)) == 2 * samples
     f = kicks(mechanism, 2)
     there = 1e-6 * np.random.default_rng(5).normal(size=(len(f), 1, 2))
@@ -82,6 +83,17 @@ def test_without_rotation_it_is_newmarks():
         a = own
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.6, 1.0])
+def test_coordinates_of_first_order_go_by_the_trapezoidal_rule(radius, monkeypatch):
+    """Whatever the scheme is, as Exudyn integrates them."""
+    monkeypatch.setitem(globals(), "SCHEME", Scheme.of_radius(radius))
+    mechanism = SmallMechanism(first_order=2)
+    e, _ = marched(mechanism, kicks(mechanism, 2), cuts=(5,))
+    x, rate = (e[:, order, mechanism.unknowns.first_order] for order in (1, 2))
+    assert mechanism.unknowns.first_order.stop - mechanism.unknowns.first_order.start == 2
+    np.testing.assert_allclose(x[1:] - x[:-1], H / 2 * (rate[1:] + rate[:-1]), rtol=0, atol=1e-12 * np.abs(x).max())
+
+
 def test_a_start_at_rest_is_the_static_answer():
     mechanism = SmallMechanism(turns=False)
     f = kicks(mechanism, 1)
@@ -101,10 +113,11 @@ def test_blocks_do_not_matter(cuts):
 
 
 @pytest.mark.skipif(loops is None, reason="no compiler")
+@pytest.mark.parametrize("first_order", [0, 2])
 @pytest.mark.parametrize(("columns", "samples"), [(1, False), (2, False), (3, False), (5, False), (3, True)])
-def test_compiled_and_numpy_are_one(columns, samples, monkeypatch):
+def test_compiled_and_numpy_are_one(columns, samples, first_order, monkeypatch):
     """Also of numbers that are almost zero: nothing turns them off."""
-    mechanism = SmallMechanism(samples=samples)
+    mechanism = SmallMechanism(samples=samples, first_order=first_order)
     f = kicks(mechanism, columns)
     f[:, :, 0] *= 1e-305
     g = 1e-6 * np.ones((len(f), 1, columns)) * f[:, :1]
@@ -144,7 +157,7 @@ def test_wrong_sizes_are_refused():
     mechanism = SmallMechanism()
     with pytest.raises((ValueError, TypeError)):
         loops.march_mechanism(
-            (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
+            (1, 2, 3, 4, 5, 0, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 12, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
         loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 9, np.zeros(4), np.zeros(4))

@@ -137,7 +137,7 @@ TEXTS = [printed, in_detail, loaded, unpickled, in_html, told, of_two_levels]
 @pytest.mark.parametrize("cause", DOUBTS)
 @pytest.mark.parametrize("text", TEXTS, ids=lambda f: f.__name__)
 def test_every_text_says_why_and_nothing_is_promised(plain, text, cause, scope, tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "figures", lambda *given: ())
+    monkeypatch.setattr(html_page, "_drawn", lambda *given: "")
     said = text(doubted(plain, DOUBTS[cause], scope=scope), tmp_path)
     assert not PROMISES.search(said)
     assert DOUBTS[cause].cause in said
@@ -145,7 +145,8 @@ def test_every_text_says_why_and_nothing_is_promised(plain, text, cause, scope, 
     assert all(NOT_CERTIFIED in line or "certified: " in line for line in claims)
     certain = text(doubted(plain, scope=scope), tmp_path)
     assert NOT_CERTIFIED not in certain
-    assert text is told or CLAIM.search(certain)
+    tells_none = text is told or (text is in_html and scope == FROZEN)  # a customer takes no bound of a part for one
+    assert tells_none or CLAIM.search(certain)
 
 
 @pytest.mark.parametrize("cause", DOUBTS)

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import weakref
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,6 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.mbs.scenes import found_bodies, recorded_solve
 from exudyn_romerr.report.answers import STATUS, Answer
-from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.verdicts import CAUSES
 from exudyn_romerr.scripts.run import NO_BODY
 
@@ -63,6 +63,8 @@ def test_the_estimate_is_that_of_attach(pendulum):
         np.testing.assert_allclose(own.value, out.value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
         off = np.abs(own.estimate - out.estimate).max(axis=0)
         assert np.all(off <= own.uncertainty.max(axis=0) + out.uncertainty.max(axis=0))
+    (own,), (mesh,) = (x.at_nodes().estimate.values() for x in (*run.reports[0].bodies, report))
+    np.testing.assert_allclose(own, mesh, rtol=0, atol=1e-6 * np.abs(mesh).max())
 
 
 def test_rows_are_the_parts_of_the_estimate(pendulum):
@@ -117,14 +119,16 @@ def test_exit_statuses(tolerance, answer, tmp_path, capsys):
 
 
 def test_files_are_written_and_can_be_read(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(html_page, "MOST", 1)
     script = written(tmp_path, SCENE + SOLVE)
     files = {name: str(tmp_path / f"run.{name}") for name in ("npz", "html", "png", "json")}
     options = ["--save", files["npz"], "--html", files["html"], "--plot", files["png"], "--json", files["json"]]
-    assert main(["run", "--tolerance", "1e9", *options, script]) == 0
+    assert main(["run", "--tolerance", "1e9", *options, script, "with", "a b"]) == 0
     assert capsys.readouterr().out.count("written: ") == 4
     assert romerr.load_report(files["npz"]).outputs
-    assert "is within its tolerance." in Path(files["html"]).read_text()  # the one that was asked for
+    page = unescape(Path(files["html"]).read_text(encoding="utf-8"))
+    assert "is within its tolerance." in page  # the one that was asked for
+    assert re.search(r"\d modes of object 0, in place of [\d,]+ coordinates", page)
+    assert f"romerr run --tolerance \"1e9\" {script} with 'a b'" in page
     assert Path(files["png"]).read_bytes().startswith(b"\x89PNG")
     told = json.loads(Path(files["json"]).read_text(), parse_constant=pytest.fail)  # no NaN, no Infinity
     assert told["bodies"] == 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...basis.basis import Basis
 from ...basis.second_order_model import from_pymor, is_of_pymor
@@ -64,7 +65,7 @@ def evaluate(
     outputs: Sequence[Output] = (),
     input_function: Callable | None = None,
     initial: Any = None,
-    jumps: Sequence[float] = (),
+    jumps: ArrayLike = (),
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",

@@ -28,6 +28,8 @@ COORDINATES = ("referenceCoordinates", "initialCoordinates", "initialCoordinates
 WITHOUT_NODES = ("BodyMass", "ObjectODE2Coordinates")  # markers that no node moves
 # around their middle, of mean square distance 1
 TRIANGLE = np.array([[1.0, 0.0, 0.0], [-0.5, 0.75**0.5, 0.0], [-0.5, -(0.75**0.5), 0.0]])
+# types that GetObject calls otherwise than AddObject
+ADDED_AS = {"HydraulicActuatorSimple": "ConnectorHydraulicActuatorSimple"}
 WHOLE = 1e-12  # sums of weights are 1 but for rounding
 CROSS = np.zeros((3, 3, 3))  # (a x b)_c = CROSS_cij a_i b_j
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
@@ -73,6 +75,7 @@ def copy_items(
 def bare(item: dict[str, Any], detached: Detached) -> dict[str, Any]:
     """Return an item without its name and what is drawn, with copies of user functions."""
     kept = {key: value for key, value in item.items() if not (key.startswith("V") or key == "name")}
+    kept = {key: ADDED_AS.get(value, value) if key == "objectType" else value for key, value in kept.items()}
     return {key: _copy(value, detached) if key.endswith("UserFunction") else value for key, value in kept.items()}
 
 

@@ -15,24 +15,37 @@ IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs
 
 
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
-    """Return q, q_t, q_tt and multipliers: copies."""
-    return tuple(x.copy() for x in state_in_place(system))
+    """Return copies of q, q_t, q_tt and multipliers as Rows have them; integrals of coordinates of first order: 0."""
+    q, v, a, multipliers, x, rates = state_in_place(system)
+    return np.append(q, 0.0 * x), np.append(v, x), np.append(a, rates), multipliers.copy()
 
 
 def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
-    """Set time, q, q_t, q_tt and multipliers.
+    """Set time, q, q_t, q_tt and multipliers as Rows have them.
 
     In place: Exudyn's functions that set them make a list of numbers first, which takes five times as long.
     """
     system.SetTime(t)
-    for place, x in zip(state_in_place(system), state, strict=True):
-        place[:] = x
+    fill(state_in_place(system), *state)
 
 
 def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
-    """Return q, q_t, q_tt and multipliers where they are in the memory of the mbs."""
+    """Return q, q_t, q_tt, multipliers, coordinates of first order, their rates: memory of the mbs."""
     rates = system.GetODE2Coordinates_t(*IN_PLACE), system.GetODE2Coordinates_tt(*IN_PLACE)
-    return system.GetODE2Coordinates(*IN_PLACE), *rates, system.GetAECoordinates(*IN_PLACE)
+    first_order = system.GetODE1Coordinates(*IN_PLACE), system.GetODE1Coordinates_t(*IN_PLACE)
+    return system.GetODE2Coordinates(*IN_PLACE), *rates, system.GetAECoordinates(*IN_PLACE), *first_order
+
+
+def fill(
+    places: Sequence[np.ndarray], q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
+) -> None:
+    """Fill what state_in_place gives; coordinates of first order, the last of v, and multipliers where given."""
+    n = len(places[0])
+    places[0][:], places[1][:], places[2][:] = q[:n], v[:n], a[:n]
+    if multipliers is not None:
+        places[3][:] = multipliers
+    if len(v) > n:
+        places[4][:], places[5][:] = v[n:], a[n:]
 
 
 @contextmanager
@@ -53,21 +66,33 @@ _LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of
 class Equations:
     """M q'' + G^T l = f and g = 0 of an mbs in its current state; the solver writes into itself only.
 
-    size : number of coordinates.
+    size : number of coordinates. Those of first order are rates of further ones behind the others, as in Rows;
+    masses : factors of their equations.
     """
 
-    def __init__(self, mbs: Any, threads: int):
-        """Initialise a solver; threads : of the running one."""
+    def __init__(self, mbs: Any, threads: int, masses: np.ndarray | None = None):
+        """Initialise a solver; threads : of the running one.
+
+        masses : factors of the equations of first order; None: these are left out.
+        """
         self._solver = _own_solver(mbs, threads)
-        self.size = self._solver.GetODE2size()
-        self._first_constraint = self.size + self._solver.GetODE1size()
+        self.masses = np.zeros(0) if masses is None else masses
+        self._plain = self._solver.GetODE2size()
+        self.size = self._plain + len(self.masses)
+        self._first_constraint = self._plain + self._solver.GetODE1size()
+        self._left_out = slice(self.size, self._first_constraint)
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)
         self._settings = exu.SimulationSettings()
 
     def mass(self, mbs: Any) -> np.ndarray:
         """M (n, n)."""
         self._solver.ComputeMassMatrix(mbs)
-        return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
+        n, M = self._plain, self._solver.GetSystemMassMatrix()
+        if not len(self.masses):
+            return M[:n, :n]
+        found = np.diag(np.append(np.zeros(n), self.masses))
+        found[:n, :n] = M[:n, :n]
+        return found
 
     def constraints(self, mbs: Any) -> np.ndarray:
         """G (all, n), rows of zeros where constraints are not active."""
@@ -83,14 +108,18 @@ class Equations:
 
     def forces(self, mbs: Any) -> np.ndarray:
         """Return f (n,), without those of constraints."""
+        of_first_order = self.static_balance(mbs)[self._plain : self.size] if len(self.masses) else None
         self._solver.ComputeODE2RHS(mbs)
-        return self._solver.GetSystemResidual()[: self.size].copy()
+        found = self._solver.GetSystemResidual()[: self._plain]
+        return found if of_first_order is None else np.append(found, of_first_order)
 
     def static_balance(self, mbs: Any) -> np.ndarray:
         """Return f + G^T l of the multipliers that are set, (n,), and g (all,): one call, a third of the time."""
         self._solver.ComputeNewtonResidual(mbs, self._settings)
         found = self._solver.GetSystemResidual()
-        return np.concatenate([found[: self.size], found[self._first_constraint :]])
+        if len(self.masses):
+            found[self._plain : self.size] *= self.masses
+        return found if self.size == self._first_constraint else np.delete(found, self._left_out)
 
 
 def _own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from exudyn.FEM import FEMinterface
+from numpy.typing import ArrayLike
 
 from ...checks import check_numbers
 from ...errors import InputError
@@ -45,7 +46,7 @@ def keep_modes(fem: Any, modes: Iterable[int]) -> None:
     fem.eigenValues = values[kept]
 
 
-def hold_modes(fem: Any, nodes: Sequence[int], weights: Sequence[float] | None = None) -> None:
+def hold_modes(fem: Any, nodes: ArrayLike, weights: ArrayLike | None = None) -> None:
     """Take from every mode of fem.modeBasis the rigid motion that leaves the mean motion of some nodes zero.
 
         V <- V - Rg (C_0 Rg)^-1 C_0 V ,   C_0: weighted mean displacement and rotation, Rg: rigid motions

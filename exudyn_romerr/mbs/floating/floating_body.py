@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
@@ -16,9 +17,6 @@ from ...model.floating_frame import require_isotropic_mass
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from .frame_node import FrameNode, RigidPart
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")
@@ -56,7 +54,7 @@ def floating_body(
     items: dict[str, Any],
     reference: MeanMotion | MassOrthogonal | None = None,
     interfaces: str = "free",
-    modal_damping: float | Sequence[float] | None = None,
+    modal_damping: ArrayLike | None = None,
 ) -> FloatingBody:
     """Name the FE model behind a body made with ObjectFFRFreducedOrder, so that attach can bound its error.
 

@@ -206,7 +206,7 @@ class MovingSubject:
             return self._offline(mbs, seen, level)
         if refusal:
             raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
-        self._lines = self._found(seen, level.support)
+        self._lines = seen.basis, *self._found(seen, level.support)
         self._take_sensors(mbs, level)
         return None
 

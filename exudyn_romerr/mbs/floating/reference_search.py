@@ -77,28 +77,32 @@ class SeenBody:
         """Space of interfaces that the modes make rigid, or None."""
         return stiff_space(self.flex, self.model.V, self.actions.interfaces())
 
+    @property
+    def basis(self) -> str:
+        """The line of a plan that says how it is reduced."""
+        N, n = self.model.V.shape
+        return f"basis: {n} modes of object {self.flex.number}, in place of {N:,} coordinates"
+
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
         """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
         none = np.zeros((self.held.N, 0))
         wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
         return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
 
-    def enrichment(self, count: int, still: bool = True) -> Enrichment:
+    def enrichment(self, count: int) -> Enrichment:
         """Return what the modes miss most: `count` vectors at most, those that deform rigid interfaces not counted.
 
-        still : whether they leave interfaces where they are.
-
-        Raises
-        ------
-        AssumptionError
-            Still ones, beside modes without static ones.
+        They leave interfaces where they are, unless modes cannot move these one by one: then vectors do.
         """
         Z, (wrenches, loads) = self.held.space, self.forces()
         V, inertia = Z.coordinates("V", self.model.held), Z.loads(unit_inertia(self.flex.mass, self.flex.positions))
         rigid = None if self.stiff is None else with_rigid_interfaces(self.held, self.stiff)
-        if not still:
-            loads, wrenches = np.hstack([loads, wrenches]), wrenches[:, :0]
-        return Enrichment(self.held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
+        of = self.held, V, inertia
+        most = min(count, len(V) - V.shape[1]), rigid
+        try:
+            return Enrichment(*of, loads, wrenches, *most)
+        except AssumptionError:
+            return Enrichment(*of, np.hstack([loads, wrenches]), wrenches[:, :0], *most)
 
 
 def seen_body(

@@ -7,6 +7,7 @@ differences of it. The mbs of the run is read once and never moved.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -17,20 +18,20 @@ import scipy.sparse as sp
 
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError
-from ...mechanism.body import Body
 from ...mechanism.rows import Rows
 from ...mechanism.splined import Reading
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached, functions_of
-from ..access.equations import Equations, state_in_place
-from ..access.mbs_items import QUATERNIONS, Items, node_coordinates
+from ..access.equations import Equations, fill, state_in_place
+from ..access.mbs_items import Items, node_coordinates
 from ..access.solvers import threads
 from .pre_step import PreStep
 from .vectors import Enriched
 
 UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothing knows
 STEP = 1e-5  # rad, and of a body's size: to differentiate by, both ways
+FINE = 1e-3  # of the largest coordinates of first order, to differentiate by
 KNOWN = 1e-12  # of the largest force: a change by rates that is less is rounding
 DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others imply, or none
 ROUNDED = 1e2 * np.finfo(float).eps  # of the sizes of coordinates that constraints know: rounding of differences
@@ -77,11 +78,14 @@ class HollowCopy:
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self._detached = detached
         self.mbs.Assemble()
-        self._equations = Equations(self.mbs, threads(mbs))
+        # in its unknowns each equation of first order has the mass of the lightest body
+        masses = min(one.body.mass for one in enriched) / unknowns.units[unknowns.n_q - unknowns.n_1 :] ** 2
+        self._equations = Equations(self.mbs, threads(mbs), masses)
         # to be asked for once: that takes twice as long as to set it
         self._state = state_in_place(self.mbs.systemData)
-        self.own, self.extra = self._places(mbs, enriched)
+        self._state[4][:] = mbs.systemData.GetODE1Coordinates()  # a static solve holds them
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
+        self.own, self.extra = self._places(mbs, enriched)
 
     def _places(self, mbs: Any, enriched: Sequence[Enriched]) -> tuple[np.ndarray, np.ndarray]:
         """Where coordinates of the mbs, and vectors, are among those of the copy."""
@@ -92,6 +96,8 @@ class HollowCopy:
         for one in enriched:
             node = int(mbs.GetObject(one.body.place.number)["nodeNumbers"][1])
             extra.append(node_coordinates(self.mbs, node)[one.body.n :])
+        plain = len(self._state[0])
+        own[mbs.systemData.ODE2Size() :] = np.arange(plain, self.size)
         return own, np.concatenate(extra)
 
     def wide(self, x: np.ndarray, vectors: np.ndarray | float = 0.0) -> np.ndarray:
@@ -103,8 +109,26 @@ class HollowCopy:
     def set(self, t: float, *state: np.ndarray) -> None:
         """Set q, v, a in coordinates of the copy, and multipliers where they are given."""
         self.mbs.systemData.SetTime(t)
-        for place, x in zip(self._state, state, strict=False):
-            place[:] = x
+        fill(self._state, *state)
+
+    def _rates(self, v: np.ndarray) -> np.ndarray:
+        """Rates (n_a,) to differentiate by around v (size,)."""
+        rate = np.abs(v[: len(self._state[0])]).max() + self.scales.max()
+        found = self.scales * rate / self.scales.max()
+        found[self._unknowns.first_order] = FINE * self._unknowns.speed
+        return found
+
+    def with_first_rates(self, rows: Rows) -> Rows:
+        """Return rows with the rates of coordinates of first order, which Exudyn leaves zero where a solve begins."""
+        if not self._unknowns.n_1:
+            return rows
+        rates = rows.a.copy()
+        tail = rates[:, -self._unknowns.n_1 :]
+        at = np.flatnonzero(~tail.any(axis=1))
+        part = rows[at]
+        left, _ = self._unbalanced(part.t, [*map(self.wide, (part.q, part.v, part.a))], part.multipliers)
+        tail[at] = -left[:, len(self._state[0]) :] / self._equations.masses
+        return replace(rows, a=rates)
 
     def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return J, J', J'' (3, T, size, n_a) in states (T, size)."""
@@ -273,7 +297,7 @@ class HollowCopy:
         *start, forces = [*state, lam] if begin is None else [*map(self.wide, begin[1:4]), begin[4]]
         axes = u.in_body_axes(u.in_global_axes(np.eye(u.n_a), state[0][self.own]), start[0][self.own])
         J, J1 = self.jacobians(*(x[None] for x in start))[:2, 0] @ axes.T
-        rate, weights = np.abs(start[1]).max() + self.scales.max(), np.random.default_rng(2).uniform(0.5, 1.0, u.n_a)
+        by_rates, weights = self._rates(start[1]), np.random.default_rng(2).uniform(0.5, 1.0, u.n_a)
 
         def effect(dq: Any = 0.0, dv: Any = 0.0, da: Any = 0.0, more: float = 0.0) -> np.ndarray:
             """Forces (n_a,), and constraints (all,)."""
@@ -281,8 +305,8 @@ class HollowCopy:
             found = self._balance(t, state, lam)
             return np.concatenate([-J_end.T @ found[: self.size], found[self.size :]])
 
-        here, by_rates = effect(), self.scales * rate / self.scales.max()
-        if np.any(effect(da=rate * (J @ weights), more=1.0) != here):
+        here = effect()
+        if np.any(effect(da=J @ (by_rates * weights), more=1.0) != here):
             raise AssumptionError("the PreStep function reads accelerations or forces")
         along = (J * self.scales, J1 * self.scales), (0.0 * J, J * by_rates)
         for order, (moves, h) in enumerate(zip(along, (self.scales, by_rates), strict=True)):
@@ -318,8 +342,7 @@ class HollowCopy:
     def _damping(self, t: float, state: list[np.ndarray], J: np.ndarray) -> np.ndarray:
         """Derivative by rates; zero where forces do not know them, which is tried along one of them all."""
         rng, (q, v, a) = np.random.default_rng(1), state
-        rate = np.abs(v).max() + self.scales.max()
-        R, h = J[0].T @ self._forces(t, q, v, a), self.scales * rate / self.scales.max()
+        R, h = J[0].T @ self._forces(t, q, v, a), self._rates(v)
         e = rng.uniform(0.5, 1.0, J.shape[2]) * h
         moved = J[0].T @ self._forces(t, q, v + J[0] @ e, a + 2 * J[1] @ e)
         D = np.zeros((len(R), len(R)))
@@ -339,7 +362,8 @@ class HollowCopy:
         scaled = C * self.scales
         size, able = np.linalg.norm(scaled, axis=1), np.linalg.norm(np.abs(whole) @ np.abs(J * self.scales), axis=1)
         where = exu.ConfigurationType.Current, exu.ConfigurationType.Reference
-        rounded = np.abs(whole) @ sum(np.abs(self.mbs.systemData.GetODE2Coordinates(one)) for one in where)
+        coordinates = sum(np.abs(self.mbs.systemData.GetODE2Coordinates(one)) for one in where)
+        rounded = np.abs(whole[:, : len(coordinates)]) @ coordinates
         rows = np.flatnonzero(size > np.maximum(NO_CONSTRAINT * able, ROUNDED * rounded))
         if not len(rows):
             return rows
@@ -353,37 +377,3 @@ def _massless(shapes: np.ndarray) -> dict[str, Any]:
     k = shapes.shape[1]
     sums = np.zeros((3, 3, k, k)), np.zeros((3, 3, k)), np.zeros((3, k)), np.zeros((k, k)), np.zeros((k, k))
     return object_terms(shapes, ShapeSums(*sums))
-
-
-TURNING = "ConnectorTorsionalSpringDamper"
-WITHOUT_TANGENT = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG", "Point2DSlope1")  # types of nodes
-
-
-def require_covered(mbs: Any) -> None:
-    """Raise AssumptionError where an mbs has coordinates that the linearised mechanism has not."""
-    system = mbs.systemData
-    data = len(system.GetDataCoordinates())
-    # torsional springs count whole turns in theirs: a rotation within half a turn is the same without
-    springs = (item for item in Items(mbs).objects if item["objectType"] == TURNING) if data else ()
-    if data > len({int(item["nodeNumber"]) for item in springs} - {-1}):
-        raise AssumptionError("data coordinates (contact, friction, plasticity) are not covered")
-    if len(system.GetODE1Coordinates()):
-        raise AssumptionError("coordinates of first order (ODE1) are not covered")
-    for number in range(system.NumberOfNodes()):
-        kind = mbs.GetNode(number)["nodeType"]
-        if kind in WITHOUT_TANGENT and len(node_coordinates(mbs, number)):
-            raise AssumptionError(f"node {number} of type {kind} is not covered")
-
-
-def unknowns_of(mbs: Any, bodies: Sequence[Body]) -> Unknowns:
-    """Return the unknowns of an mbs that has these floating bodies."""
-    system, others = mbs.systemData, []
-    taken = {int(i) for body in bodies for i in (*body.place.frame, *body.place.modal)}
-    for number in range(system.NumberOfNodes()):
-        mine = node_coordinates(mbs, number)
-        if len(mine) and taken.isdisjoint(mine.tolist()):
-            taken |= set(mine.tolist())
-            node = mbs.GetNode(number)
-            is_turning = node["nodeType"] == QUATERNIONS
-            others.append((mine, np.array(node["referenceCoordinates"], float) if is_turning else None))
-    return Unknowns(bodies, others, system.ODE2Size())

@@ -25,13 +25,13 @@ class Recorder:
 
     def __init__(self, mbs: Any, user: Callable | None):
         self.user, self._system = user, mbs.systemData
-        self._rows, self._size, self._lost = StoredRows(), None, None
+        self._rows, self._sizes, self._lost = StoredRows(), None, None
 
     def __call__(self, mbs: Any, t: float) -> Any:
         """Keep a row; return what the user's function returns."""
         row = (t,), *state_in_place(self._system)
-        if self._size is None:
-            self._size = len(row[1])
+        if self._sizes is None:
+            self._sizes = len(row[1]), len(row[-1])
         try:
             self._rows.append(np.concatenate(row, dtype=float)[None])
         except (OSError, MemoryError, ValueError) as error:  # the run of the user goes on
@@ -50,9 +50,9 @@ class Recorder:
         """
         if self._lost is not None:
             raise RunError(f"rows of the run could not be kept: {self._lost}")
-        if self._size is None:
+        if self._sizes is None:
             return []
-        rows = as_rows(self._rows.all(), self._size)
+        rows = as_rows(self._rows.all(), *self._sizes)
         t, q, begins, is_kept = rows.t, rows.q, [0], np.ones(len(rows), bool)
         for i in 1 + np.flatnonzero(np.diff(t) <= 0):
             if t[i] == t[i - 1] and np.array_equal(q[i], q[i - 1]):
@@ -63,10 +63,16 @@ class Recorder:
         return [rows[part] if is_kept[part].all() else rows[part][is_kept[part]] for part in parts]
 
 
-def as_rows(stored: np.ndarray, size: int) -> Rows:
-    """Return what stands side by side in stored rows (S, .), of an mbs with `size` coordinates."""
-    t, *state = np.split(stored, 1 + size * np.arange(4), axis=1)
-    return Rows(t[:, 0], *state)
+def as_rows(stored: np.ndarray, size: int, first_order: int = 0) -> Rows:
+    """Return what stands side by side in stored rows (S, .), of an mbs with so many coordinates; see Rows."""
+    t, q, v, a, multipliers = np.split(stored, 1 + size * np.arange(4), axis=1)
+    if first_order:
+        multipliers, x, rates = np.split(multipliers, [-2 * first_order, -first_order], axis=1)
+        h = np.diff(t, axis=0)
+        steps = h / 2 * (x[1:] + x[:-1]) + h**2 / 12 * (rates[:-1] - rates[1:])
+        y = np.concatenate([0.0 * x[:1], np.cumsum(steps, axis=0)])
+        q, v, a = (np.hstack(both) for both in ((q, y), (v, x), (a, rates)))
+    return Rows(t[:, 0], q, v, a, multipliers)
 
 
 class StoredRows:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
-from ...mechanism.mechanism import Mechanism, unbalanced_share
+from ...mechanism.mechanism import Mechanism, rests, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.rows import Rows
 from ...mechanism_bounds.bounded_estimates import with_bounds
@@ -22,8 +22,7 @@ from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...mode_selection.without_modes import Shown, WithoutModes
 from ...report.causes import CAUSES, REDUCTION
-from ...report.data import Plan, extents, line_of, made_here
-from ...report.mechanism_report import MechanismReport, OfBodies
+from ...report.data import extents
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason, beside_steps
 from ..access.detached import user_functions
@@ -31,9 +30,11 @@ from ..access.equations import state_set
 from ..access.mbs_items import node_coordinates
 from ..floating.built_in import as_built_in
 from ..floating.reference_search import VECTORS
-from .hollow_copy import HollowCopy, require_covered, unknowns_of
+from .covered import require_covered, unknowns_of
+from .hollow_copy import HollowCopy
 from .pre_step import Parameters, detached_with
 from .sensors import Sensors, ShownSensor
+from .told import ESTIMATOR, Told
 from .vectors import Enriched, enriched, in_shapes_of
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ UNKNOWN_ACTS = (
     "at stored instants the equations are off by {:.0e} of the largest force: something acts that is not a function "
     "of time and state (a controller in PreStep, parameters that the script changes)"
 )
+RESTS = "nothing moves: what coordinates show is rounding"
 REMEMBERS = "a user function keeps something from call to call"
 PRE_STEP_REMEMBERS = (
     "the PreStep function keeps something from call to call (an integrator, a filter, a sampling of its own, noise): "
@@ -60,8 +62,6 @@ TRIED, CONSECUTIVE = 64, 8  # rows in which it is called twice, and how many of 
 HOLDS = "a user function keeps what cannot be copied, so it is not called away from the run: {}"
 BOUNDS = "bounds of what sensors show in frames of bodies"
 NOT_RESOLVED = "modes and vectors leave so much of the equations that bounds are many times as large as the error"
-ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
-OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
 
 
 class Asked(NamedTuple):
@@ -95,49 +95,6 @@ class Ended(NamedTuple):
     is_static: bool = False
 
 
-class Told(NamedTuple):
-    """What is known of a run.
-
-    t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
-    doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
-    modes : tells of each mode, if asked.
-    content : of each sensor, by name, if further modes are asked for.
-    """
-
-    t: np.ndarray
-    sensors: Sequence[OutputReport]
-    of_bodies: Sequence[Sequence[OutputReport]]
-    left_out: Sequence[tuple[str, str]]
-    doubts: Sequence[Doubt]
-    is_static: bool
-    planned_end: float | None
-    modes: WithoutModes
-    content: dict[str, Content]
-
-    def report(
-        self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
-    ) -> MechanismReport:
-        """Return a report of some of these; plan : what was to be told; messages : beside those of the run."""
-        plan = plan or Plan(tuple(map(line_of, outputs)), ())
-        return MechanismReport(
-            t=self.t,
-            position_bound=OfBodies(),
-            velocity_bound=OfBodies(),
-            outputs={out.name: out for out in outputs},
-            scope={ESTIMATOR: COUPLED},
-            scope_reason="",
-            reasons={ESTIMATOR: OF_ESTIMATE},
-            plan=Plan(plan.computed, (*plan.left_out, *self.left_out)),
-            messages=[*messages],
-            time="static" if self.is_static else "sampled",
-            total_mass=None,
-            made=made_here(),
-            planned_end=self.planned_end,
-            uncertified=tuple(self.doubts),
-            modes=self.modes,
-        )
-
-
 def told_solve(
     mbs: Any, asked: Asked, rows: Rows, before: Ended | None = None, planned_end: float | None = None
 ) -> tuple[Told, Ended]:
@@ -156,11 +113,14 @@ def told_solve(
     RunError
         No step was made.
     """
-    require_covered(mbs)
+    require_covered(mbs, asked.is_static)
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
     flexes = asked.flexes
-    mbs = as_built_in(mbs, flexes)
+    mbs, n = as_built_in(mbs, flexes), mbs.systemData.ODE2Size()
+    if asked.is_static:  # which holds coordinates of first order
+        held = rows.v[-1]
+        rows = replace(rows, q=rows.q[:, :n], v=rows.v[:, :n], a=rows.a[:, :n])
     shown = rows[-1:] if asked.is_static else rows
     # with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0
     rows = replace(shown, multipliers=-shown.multipliers) if asked.is_static else shown
@@ -175,15 +135,17 @@ def told_solve(
             enriched(mbs, flex, asked.vectors, TURNS * w, detached)
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
         ]
-        unknowns = unknowns_of(mbs, [one.body for one in bodies])
+        unknowns = unknowns_of(mbs, [one.body for one in bodies], rows)
         sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors, pre_step)
         copy = HollowCopy(mbs, bodies, unknowns, detached, pre_step=pre_step)
         if pre_step is not None and _remembers(copy, rows):
             raise AssumptionError(PRE_STEP_REMEMBERS)
+        rows = copy.with_first_rates(rows)
         readings = Readings(copy, rows)
         share = unbalanced_share(unknowns, rows, copy, readings)
         if not share < SAME:
-            raise AssumptionError(REMEMBERS if detached.has_changed() else UNKNOWN_ACTS.format(share))
+            why = REMEMBERS if detached.has_changed() else UNKNOWN_ACTS.format(share)
+            raise AssumptionError(RESTS if rests(unknowns, rows) else why)
         of = Mechanism(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
@@ -194,11 +156,11 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        why_not = _why_unbounded(asked, errors is not None or doubts, readings.splined.is_sampled)
+        why_not = _why_unbounded(asked, errors is not None or doubts, readings.splined.is_sampled, unknowns.n_1)
         bounds, why_not = _bounds(of, sensors, bodies, why_not)
         content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
         watches = bounds and bounds.take, content and content.take
-        by_cause, end, squares = estimates(of, asked.is_static, errors, *watches)
+        by_cause, end, of_each = estimates(of, asked.is_static, errors, *watches)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
@@ -206,7 +168,7 @@ def told_solve(
         outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
         vectors = [one.shapes[:, one.body.n :] for one in bodies]
         shown_of = [Shown(x.name, x.unit, x.own, out.extents) for x, out in zip(sensors.shown, outputs, strict=True)]
-        modes = WithoutModes(of, shown_of, [*zip(vectors, squares, strict=True)])
+        modes = WithoutModes(of, shown_of, [(V, x.squares) for V, x in zip(vectors, of_each, strict=True)])
         owners = [one.body for one in sensors.shown]
         of_mbs, *of_bodies = (
             [out for out, b in zip(outputs, owners, strict=True) if b == which]
@@ -214,9 +176,12 @@ def told_solve(
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
         of_modes = content.content(by_cause) if content else None
+        nodes = [one.at_nodes(ESTIMATOR, x, rows) for one, x in zip(bodies, of_each, strict=True)]
         contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one.own) for one in sensors.shown}
-        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents)
-        return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
+        told = Told(
+            shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes, contents, nodes
+        )
+        return told, Ended(rows.q[-1], held if asked.is_static else rows.v[-1], bodies, end, asked.is_static)
 
 
 def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) -> list[Shares | None]:
@@ -239,10 +204,12 @@ def _remembers(copy: HollowCopy, rows: Rows) -> bool:
     return not np.array_equal(forth, back[::-1])
 
 
-def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool) -> str:
+def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool, of_first_order: int) -> str:
     """Why a run as a whole has no bounds; empty: nothing speaks against them."""
     if is_sampled:
         return "a PreStep function, which acts by the begin of each step"
+    if of_first_order:
+        return "coordinates of first order (ODE1), whose equations need not lose energy"
     if asked.is_static or goes_on:
         return "a static solve, or a run that goes on from another that moves"
     if any(flex.modal_damping is not None for flex in asked.flexes):
@@ -283,16 +250,23 @@ def _begun_with(
     before: Ended | None, rows: Rows, bodies: Sequence[Enriched], unknowns: Unknowns
 ) -> tuple[EndState | None, tuple[Doubt, ...]]:
     """What a run begins with that goes on from another, and what speaks against it; None: it goes on from none."""
-    if before is None or not (np.array_equal(before.q, rows.q[0]) and np.array_equal(before.v, rows.v[0])):
+    n = unknowns.n_q - unknowns.n_1
+    goes_on = before and all(np.array_equal(x[:n], y[0, :n]) for x, y in ((before.q, rows.q), (before.v, rows.v)))
+    if not goes_on:
         return None, ()
     turns = [in_shapes_of(one, was) for one, was in zip(bodies, before.bodies, strict=False)]
     parts = len(PARTS) if is_rigid(bodies) else OF_MODES
     is_known = before.errors is not None and before.errors.parts.x.shape[2] == parts
     if not is_known or len(turns) < len(bodies) or any(turn is None for turn in turns):
         return None, (Reason.GOES_ON.doubt(),)
-    if before.is_static and is_at_rest(rows):
+    if before.is_static and is_at_rest(rows) and not unknowns.n_1:
         return None, ()  # the full model rests, too: its equilibrium is found anew, and nothing else is carried on
-    return before.errors.of(unknowns, turns), ()
+    if unknowns.n_1 and not before.is_static:
+        return None, (Reason.GOES_ON.doubt(),)  # what it has left wrong of coordinates of first order has other units
+    # pressures that a script has set to hold what a static solve has found: with all modes it sets others
+    still = is_at_rest(replace(rows, v=rows.v[:, :n]))
+    balancing = unknowns.first_order.start + np.flatnonzero(still & (before.v[n:] != rows.v[0, n:]))
+    return before.errors.of(unknowns, turns, balancing), ()
 
 
 def is_rigid(bodies: Sequence[Enriched]) -> bool:

@@ -1,8 +1,8 @@
 """Vectors beside a body's modes: which, how many, which of them the rest of the mechanism sees.
 
 Static ones by Enrichment: responses to inertia, loads and wrenches, then to their own inertia, without motion of the
-interfaces; those that deform interfaces which the modes make rigid (RBE2) are told apart. And M^-1 times the same
-forces: without them the accelerations of a sudden start are wrong.
+interfaces where modes can move these; those that deform interfaces which the modes make rigid (RBE2) are told apart.
+And M^-1 times the same forces: without them the accelerations of a sudden start are wrong.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import scipy.linalg as la
 
 from ...linalg.orthogonalise import m_orthonormal, without
 from ...mechanism.body import Body, Place
+from ...mechanism.rows import Rows
 from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
-from ...mechanism_errors.modes import PARTS
+from ...mechanism_errors.modes import PARTS, OfBody
 from ...model.admissible_space import rigid_modes
 from ...model.shared_body import made_once
+from ...report.data import NodeFields
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
 from ..access.mbs_items import Items, node_coordinates
 from ..floating.floating_body import FloatingBody
@@ -59,6 +61,15 @@ class Enriched:
     def held_shapes(self) -> np.ndarray:
         """All of them, seen from the frame that the reference conditions hold: modes may move the body a little."""
         return np.hstack([self.known.model.held, self.shapes[:, self.body.n :]])
+
+    def at_nodes(self, name: str, of: OfBody, rows: Rows) -> NodeFields:
+        """Return displacements of the mesh where errors of it are largest, seen from the frame, and these errors."""
+        n, U, q = self.body.n, self.held_shapes, rows.q[:, self.body.place.modal]
+        moved, error = (x.reshape(-1, 3) for x in (U[:, :n] @ q[of.row], U @ of.deformed))
+        most = np.sqrt(np.einsum("ti,ij,tj->t", q, self.body.M[:n, :n], q).max())
+        # no linear equation tells an error as large as what is shown
+        known, at = ({name: error} if of.size <= most else {}), {name: float(rows.t[of.row])}
+        return NodeFields({}, known, {name: moved}, at, self.known.flex.positions)
 
     def residual_norm(self) -> ResidualNorm:
         """Return what a residual of its mesh is worth."""

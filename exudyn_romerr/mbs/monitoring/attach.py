@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...checks import check_choice, check_count, check_type
 from ...errors import InputError
@@ -33,7 +34,7 @@ from .monitor import UNNAMED, MechanismMonitor, Monitor
 from .step_hook import shared_hook
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 
 def make_subject(
@@ -226,8 +227,8 @@ def attach(
     *,
     outputs: Sequence[Output | int | str | tuple] | None = None,
     initial: Any = None,
-    jumps: Sequence[float] = (),
-    tolerance: dict[str, float] | float | None = None,
+    jumps: ArrayLike = (),
+    tolerance: Mapping[str, float] | float | None = None,
     hook: Callable | None = None,
     estimators: Any = "auto",
     residual: str = "orthonormal",

@@ -12,7 +12,8 @@ from ...linear.run.record import Internal
 from ...report.causes import REDUCTION
 from ..access.solvers import SAME_TIME
 from ..mirror.recorder import StoredRows, as_rows
-from ..mirror.told_solve import Asked, Ended, Told, told_solve
+from ..mirror.told import Told
+from ..mirror.told_solve import Asked, Ended, told_solve
 
 if TYPE_CHECKING:
     from ...mechanism.rows import Rows
@@ -25,25 +26,25 @@ class MechanismRun:
 
     asked : what it is told of. end : s, where the solver is to go to. before : how the solve before
     has ended. known : what was told of the rows; None: nothing. error : why nothing can be told. due : s, from when
-    on its rows are to be told.
+    on its rows are to be told. first_order : number of such coordinates.
     """
 
-    def __init__(self, asked: Asked, end: float, before: Ended | None):
+    def __init__(self, asked: Asked, end: float, before: Ended | None, first_order: int):
         self.asked, self._end, self._before = asked, end, before
-        self._rows, self._size = StoredRows(), 0
+        self._rows, self._size, self._first_order = StoredRows(), 0, first_order
         self.known: Told | None = None
         self.due = end - SAME_TIME * abs(end)
         self._count = 0  # rows that were told
         self.error: Exception | None = None
 
     def append(self, t: np.ndarray, *state: np.ndarray) -> None:
-        """Keep rows t (S,), q, q_t, q_tt, multipliers (S, ...)."""
+        """Keep rows t (S,), q, q_t, q_tt, multipliers and what is behind them (S, ...)."""
         self._size = state[0].shape[1]
         self._rows.append(np.hstack([t[:, None], *state]))
 
     def rows(self) -> Rows:
         """Return all so far."""
-        return as_rows(self._rows.all().reshape(len(self._rows), -1), self._size)
+        return as_rows(self._rows.all().reshape(len(self._rows), -1), self._size, self._first_order)
 
     def tell(self, mbs: Any) -> Ended | None:
         """Find out what is known of the rows so far; return how they end, None: as before."""
@@ -94,7 +95,7 @@ class BodyRun:
         told = self.of.told()
         asked = (out for out in told.of_bodies[self._body] if self._is_requested[out.name])
         asked = [replace(out, tolerance=self._tolerance.get(out.name), stopped=self.stopped) for out in asked]
-        return told.report(asked, self._plan, self.messages)
+        return told.report(asked, self._plan, self.messages, self._body)
 
     def internal(self) -> Internal:
         """Return outputs beside those that were asked for."""

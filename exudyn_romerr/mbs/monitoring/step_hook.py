@@ -23,7 +23,7 @@ from ..access.mbs_items import FFRF, Items, slot_function
 from ..access.solvers import holds_rates, just_begun, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
-from ..mirror.hollow_copy import require_covered
+from ..mirror.covered import require_covered
 from ..mirror.pre_step import parameters
 from ..mirror.told_solve import Asked, Ended
 from .mechanism_run import BodyRun, MechanismRun
@@ -48,7 +48,12 @@ def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
     start_of_step = system.GetTime
     readers = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
     read_q, read_q_t, read_q_tt = readers
-    read_multipliers = system.GetAECoordinates
+
+    def read_multipliers(*place: Any) -> np.ndarray:
+        """Multipliers; behind them coordinates of first order and their rates, if there are any."""
+        multipliers, x = system.GetAECoordinates(*place), system.GetODE1Coordinates(*place)
+        return np.concatenate([multipliers, x, system.GetODE1Coordinates_t(*place)]) if len(x) else multipliers
+
     i = room = 0
     end, is_wide = inf, False
     times = q = q_t = q_tt = multipliers = None
@@ -172,7 +177,7 @@ class StepHook:
         if not is_static and just_begun(mbs) is None:
             return "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
         try:
-            require_covered(mbs)
+            require_covered(mbs, is_static)
         except AssumptionError as error:
             return str(error)
         return ""
@@ -186,7 +191,7 @@ class StepHook:
         vectors = max(one.vectors for one in subjects)
         rates = holds_rates(mbs.sys.get("simulationSettings"))
         asked = Asked(flexes, outputs, scheme_from(solver), is_static, sensors, vectors, rates, parameters(mbs))
-        self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
+        self.run = MechanismRun(asked, float(solver.it.endTime), self._ended, mbs.systemData.ODE1Size())
         for i, watch in enumerate(floating):
             if watch.is_told:
                 watch.told = BodyRun(self.run, i, watch.subject, watch.tolerance)
@@ -309,7 +314,8 @@ class StepHook:
     def _rows(self, system: Any, at_once: bool) -> tuple[np.ndarray, ...]:
         size, width = system.ODE2Size(), max((watch.width for watch in self.watches), default=CACHED)
         rows = 1 if at_once else block_rows(size, width)
-        shapes = [(rows,), *((rows, n) for n in (size, size, size, len(system.GetAECoordinates())))]
+        behind = len(system.GetAECoordinates()) + 2 * system.ODE1Size()
+        shapes = [(rows,), *((rows, n) for n in (size, size, size, behind))]
         # those of the solve before, which watches copy from: fresh memory costs half of what storing in it does
         if [x.shape for x in self._arrays] != shapes:
             self._arrays = tuple(map(np.empty, shapes))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
 from contextlib import suppress
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
@@ -109,7 +108,8 @@ class RecordedSolve:
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
             solve.content = told.content
-            found.append(told.report([*told.sensors, *chain(*told.of_bodies)], messages=messages))
+            basis = [one.known.basis for one in before.bodies]
+            found.append(told.of_mechanism(basis, messages))
         return found
 
 

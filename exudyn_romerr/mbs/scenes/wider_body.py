@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...basis.shape_sums import ShapeSums
-from ...errors import AssumptionError, InputError
+from ...errors import InputError
 from ..access.copied_mbs import object_terms, widened_node
 from ..access.mbs_items import dense
 from ..floating.built_in import add_weight, built_in, has_functions
@@ -36,10 +36,7 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     known, _ = seen_body(mbs, floating_body(body.fem, body.items(mbs)))
-    try:
-        found = known.enrichment(VECTORS)
-    except AssumptionError:  # modes without static ones: here vectors may move interfaces, for they are real modes
-        found = known.enrichment(VECTORS, still=False)
+    found = known.enrichment(VECTORS)
     return Vectors(known.held.space.expand(found.P), found.keeps)
 
 

@@ -27,7 +27,7 @@ from ..monitoring.attach import checked_tolerance
 from .two_level import Trial, build_trial, same_times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from ..monitoring.monitor import Monitor
 
@@ -38,7 +38,7 @@ MOST_MODES = 1000  # modes of a basis
 
 def choose_modes(
     build: Callable[..., tuple],
-    tolerance: dict[str, float] | float,
+    tolerance: Mapping[str, float] | float,
     *,
     relative: bool = False,
     pick: bool = False,

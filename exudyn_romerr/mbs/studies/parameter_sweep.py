@@ -13,7 +13,7 @@ from .sweeps import Failure, Guarded, ResultFolder, Sweep, read_result, run_on
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from concurrent.futures import Executor
 
 # of ParameterVariation, which takes any other name without a word
@@ -40,7 +40,7 @@ NO_RESULT = Failure("no result from the dispy cluster: an exception there, or th
 
 def sweep(
     function: Callable[[dict], Any],
-    parameters: dict[str, list | tuple],
+    parameters: Mapping[str, list | tuple],
     *,
     executor: Executor | Callable[[], Executor] | None = None,
     folder: str | os.PathLike | None = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from exudyn.utilities import LoadSolutionFile
+from numpy.typing import ArrayLike
 
 from ...errors import InputError, RunError
 from ...linear.run.prepare import BoundOptions
@@ -34,7 +35,7 @@ def evaluate_file(
     *,
     outputs: Sequence[Output | int] | None = None,
     initial: Any = None,
-    jumps: Sequence[float] = (),
+    jumps: ArrayLike = (),
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",

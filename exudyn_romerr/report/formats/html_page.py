@@ -1,4 +1,4 @@
-"""A report as one HTML page that needs no other file, no script and no network."""
+"""A report as one HTML page, one sheet of A4 in print, that needs no other file, no script and no network."""
 
 from __future__ import annotations
 
@@ -9,64 +9,87 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 
-import numpy as np
-
-from ..answers import Tolerances
-from ..assessment import limit_of
-from ..data import OutputReport, ReportData, made_here
-from ..judgement import OUTPUT, extent, judged, messages, of_bounds
-from ..plots.over_time import draw_bounds, draw_causes, draw_signal
-from ..plots.panels import worst_first
-from ..plots.style import DPI, SIZE, new_figure, of_one_size
-from ..verdict_text import by_sensor, table
-from ..wording import (
-    digits,
-    estimator_lines,
-    for_run_alone,
-    instant,
-    rounded_up,
-    said_first,
-    under,
-    with_unit,
+from ..answers import SHARE, Answer, Tolerances
+from ..data import ReportData
+from ..judgement import extent, judged, messages, truths
+from ..plots.over_time import draw_bounds, draw_signal
+from ..plots.panels import script_of
+from ..plots.style import COLOURS, DPI, LOOKS, new_figure, of_one_size
+from ..scope import NOT_CERTIFIED, remedies
+from ..verdict_text import (
+    ASSESS,
+    TITLES,
+    after_the_step,
+    has_numbers,
+    size_and_half,
+    size_in_words,
+    worst_first,
+    worst_of_cause,
 )
+from ..verdicts import CAUSES, Row
+from ..wording import assumed_lines, digits, for_run_alone, listed, rounded_up, said_first, with_unit
 from .atomic_write import write_whole
-from .csv_table import series_of
 
 NUMBER = re.compile(r"\d[\d.]*e[-+]\d+")
 CSS = """
-:root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, "Segoe UI", Roboto, Arial, sans-serif; color: #1a1a1a; background: #fff;
-  max-width: 60rem; margin: 2rem auto; padding: 0 1rem; overflow-wrap: anywhere; }
-h1 { font-size: 1.6rem; margin-bottom: 0; }
-h2 { font-size: 1.2rem; margin-top: 2rem; border-bottom: 1px solid #bbb; }
-.extent, figcaption { color: #555; font-size: 0.9rem; }
-.extent { margin-top: 0; }
-figure { margin: 1rem 0; }
-img { width: 100%; height: auto; }
-.wide { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
-caption { text-align: left; font-weight: 600; padding: 0.3rem 0; }
-th, td { text-align: left; vertical-align: top; padding: 0.3rem 0.6rem; border-bottom: 1px solid #ccc; }
-thead th { border-bottom: 2px solid #555; }
+:root { color-scheme: light dark; --text: #1a1a1a; --back: #fff; --line: #bbb; --quiet: #555; --shade: #f2f2f2;
+  --bound: #009e73; --estimate: #5d3a9b; --error: #d55e00; }
+@media screen and (prefers-color-scheme: dark) { :root { --text: #e8e8e8; --back: #16181b; --line: #4a4d52;
+  --quiet: #a8abb0; --shade: #24272b; --bound: #2fc79b; --estimate: #b79cf0; --error: #ff9a4d; } }
+body { font: 15px/1.4 system-ui, "Segoe UI", Roboto, Arial, sans-serif; color: var(--text); background: var(--back);
+  max-width: 60rem; margin: 1.5rem auto; padding: 0 1rem; overflow-wrap: anywhere; }
+h1 { font-size: 1.5em; margin: 0; }
+h2 { font-size: 1em; margin: 0.9em 0 0.2em; }
+p, ul { margin: 0.2em 0; }
+ul { padding-left: 1.2em; }
+.quiet, figcaption { color: var(--quiet); font-size: 0.9em; }
+.answer { font-weight: 600; border: 2px solid var(--text); padding: 0.4em 0.6em; margin: 0.5em 0; }
+figure { margin: 0.5em 0; display: flex; flex-direction: column; }
+svg, img { width: 100%; height: auto; min-height: 0; flex: 1 1 auto; }
+.wide { overflow-x: auto; margin: 0.4em 0; }
+table { border-collapse: collapse; font-size: 0.95em; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
+.prose { width: 100%; }
+caption { text-align: left; font-weight: 600; padding: 0.3em 0 0.1em; }
+th, td { text-align: left; vertical-align: top; padding: 0.2em 0.7em 0.2em 0; border-bottom: 1px solid var(--line); }
+thead th { border-bottom: 2px solid var(--quiet); }
+.prose th, .prose td { overflow-wrap: anywhere; min-width: 5.5em; }
 .numbers td, .n { white-space: pre; }
-pre { background: #f4f4f4; padding: 0.6rem; white-space: pre-wrap; }
-@page { size: A4; margin: 18mm; }
+pre { background: var(--shade); padding: 0.3em 0.6em; margin: 0.2em 0; white-space: pre-wrap; word-break: break-all; }
+@page { size: A4; margin: 11mm 13mm; }
 @media print {
-  body { font-size: 10pt; max-width: none; margin: 0; padding: 0; print-color-adjust: exact; }
-  h2, caption { break-after: avoid; }
-  figure, tr, pre { break-inside: avoid; }
-  tbody tr:first-child { break-before: avoid; }
-  img { max-height: 235mm; object-fit: contain; }
+  body { font-size: 8pt; line-height: 1.3; max-width: none; margin: 0; padding: 0; print-color-adjust: exact; }
+  body.sheet { display: flex; flex-direction: column; height: 274mm; }
+  .sheet > * { flex: none; }
+  .sheet > figure { flex: 1 1 0; min-height: 40mm; max-height: 82mm; }
+  tr, pre, figure { break-inside: avoid; }
   .wide { overflow: visible; }
 }
 """
+# what one sheet of A4 has room for, beside a picture of 40 mm; a test prints a page that has all of it
+ROWS = 5  # of the table of outputs
+NAME, CELL, SENTENCE, TEXT = 28, 190, 330, 380  # letters of a name, of what to do, of the answer, of what was assumed
+LINES, LINE = 10, 110  # of what was assumed, and letters in each
 RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
-MOST = 6  # figures: each takes a third of a second to draw and 0.25 MB
-ABOUT = (
-    "An estimate is the error of the reduced output as well as it can be told, within about its uncertainty; it is "
-    "no bound. Value + estimate is the best guess of the full model's output."
-)
+PICTURE = (8.6, 3.8)  # inches
+INK = "#1a1a1a"  # of all letters and axes of a picture, which get the page's colour
+INKS = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
+PAGE_COLOURS = {
+    INK: "text",
+    COLOURS["value"]: "text",
+    COLOURS["tolerance"]: "quiet",
+    COLOURS["estimate"]: "estimate",
+    COLOURS["error"]: "error",
+    LOOKS["auxiliary"][0]: "bound",
+}
+NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # it has addresses
+SIGNS = {Answer.ENOUGH: "\N{CHECK MARK}", Answer.TOO_LARGE: "\N{MULTIPLICATION X}"}
+UNKNOWN = "?"
+NOTHING = "\N{EN DASH}"
+ABOUT = "About: an estimate of the error, right to about its half width, and no bound."
+AT_MOST = "At most: a bound, proved under what stands here."
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
+MORE = "{} more: romerr show prints all."
+NO_OUTPUTS = "No outputs were asked for: only the error of the whole body is bounded, romerr show prints it."
 HEAD = """<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -77,7 +100,7 @@ HEAD = """<!DOCTYPE html>
 <link rel="icon" href="data:,">
 <style>{css}</style>
 </head>
-<body>"""
+<body{kind}>"""
 
 
 def write_page(report: ReportData, path: str | os.PathLike, tolerances: Tolerances | None = None) -> None:
@@ -93,167 +116,185 @@ def write_page(report: ReportData, path: str | os.PathLike, tolerances: Toleranc
 
 
 def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
-    """Return the page as text: verdicts, messages, scope, figures, tables, plan, versions, how to make it again."""
-    heard = [*messages(report)]
-    sections = {
-        "Messages": [_items(heard) if heard else paragraph("None.")],
-        "What the bounds cover": _scope(report),
-        "Figures": figures(report, tolerances),
-        "Tables": _tables(report),
-        "Plan": _plan(report),
-        "Versions": [_versions(report)],
-        "Make it again": _again(report),
-    }
-    made = f", computed {report.made['date']} by {report.made['script']}" if report.made else ""
-    first = said_first(report)
-    parts = [
-        *([paragraph(f"{first}.", "first")] if first else []),
-        paragraph(f"{extent(report)}{made}", "extent"),
-        *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if heard else []),
-        *_verdicts(report, tolerances),
-        *(_section(title, *content) for title, content in sections.items()),
-    ]
-    title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
-    return document(title, [f"<h1>{escape(title)}</h1>", *parts])
-
-
-def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
+    """Return the page as text: scene, question, answer by cause, picture, what was assumed, how to repeat it."""
     rows, answers, why = judged(report, tolerances)
-    if not rows:
-        yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
-        return
-    yield paragraph(answers[0], "first")
-    yield from map(paragraph, [*answers[1:], *why])
-    for caption, of, what in (("All outputs", by_sensor(rows), OUTPUT), ("All components", rows, "component")):
-        yield html_table(caption, *table(of, what))
-    yield _items(of_bounds(report))
-
-
-def _scope(report: ReportData) -> Iterator[str]:
-    yield _items(line.strip() for line in estimator_lines(report))
-    if report.scope_reason:
-        yield paragraph(f"Why: {report.scope_reason}.")
-    has_estimates = any(out.estimate is not None for out in report.outputs.values())
-    yield paragraph(f"{NEVER}{f' {ABOUT}' if has_estimates else ''}")
-
-
-def _tables(report: ReportData) -> Iterator[str]:
-    """Largest values over time, of what a CSV file has columns of."""
-    for out in report.outputs.values():
-        components = range(len(out.row_names))
-        rows = (
-            (what or "value", *(_largest_and_when(report, x[:, i], out.unit, what) for i in components))
-            for what, x in series_of(out, report.scope)
-        )
-        title = f"{out.name}: largest values over time, and when"
-        yield html_table(title, ("over time", *out.row_names), *rows, kind="numbers")
-    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
-    what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
-    head = ("estimator", "bound of the error of position", "of velocity")
-    norms = (report.position_bound, report.velocity_bound)
-    rows = [
-        (
-            f"'{e}'{under(report.scope, e, report.uncertified)}",
-            *(_largest_and_when(report, bound[e] / divisor) for bound in norms),
-        )
-        for e in report.position_bound
+    first = said_first(report)
+    title = f"How wrong is {script_of(report) or 'the reduced model'}?"
+    heard = [*messages(report), *after_the_step(rows), *why, *truths(report)]
+    heard += [f"{NOT_CERTIFIED}: {remedy}" for remedy in remedies(report.uncertified)]
+    parts = [
+        f"<h1>{escape(_short(title, SENTENCE))}</h1>",
+        *_scene(report, rows),
+        *([paragraph(f"{first[0].upper()}{first[1:]}.", "answer")] if first else []),
+        *(_answer(rows, answers[0].replace(f"; {ASSESS}", "")) if rows else [paragraph(NO_OUTPUTS)]),
+        *picture(report, rows),
+        "<h2>What was assumed, and what to know</h2>",
+        _items(_fitting([*heard, *assumed_lines(report)], LINES - _lines(first))),
+        paragraph(" ".join([ABOUT, *([AT_MOST] if any(row.bound is not None for row in rows) else []), NEVER])),
+        "<h2>How to repeat it</h2>",
+        *_repeated(report, tolerances),
     ]
-    if rows:  # a mechanism has none
-        yield html_table(f"The whole body, {what}, in the units of the model", head, *rows, kind="numbers")
+    return document(_short(title, SENTENCE), parts, "sheet")
 
 
-def _largest_and_when(report: ReportData, x: np.ndarray, unit: str = "", what: str = "bound") -> str:
-    """The largest |x|, rounded up where it is what something is at most."""
-    at = np.argmax(np.abs(x))
-    size, when = abs(x[at]), instant(report.time, report.t[at])
-    if not np.isfinite(size):
-        return f"infinite\nfrom {when}"
-    is_signed = what in ("", "corrected", "true error") or what.startswith("estimate")
-    return f"{with_unit((digits if is_signed else rounded_up)(size), unit)}\nat {when}"
+def _scene(report: ReportData, rows: Sequence[Row]) -> Iterator[str]:
+    """What was simulated, and what is asked of it."""
+    kind = "Static solve" if report.time == "static" else "Dynamic solve"
+    bodies = [line.replace("basis: ", "") for line in report.plan.computed if "basis: " in line]
+    names = listed([_short(name, NAME) for name in report.outputs])
+    told = [f"{kind}, {extent(report)}", *bodies[:ROWS], f"outputs: {names}" if names else ""]
+    yield paragraph(_short("; ".join(filter(None, told)), TEXT) + ".", "quiet")
+    if rows:
+        is_asked = any(row.limit.is_asked for row in rows)
+        beside = "" if is_asked else f" None was given, so it is {100 * SHARE:g} % of the largest value."
+        yield paragraph(f"Question: is the error of each output, at every instant, within its tolerance?{beside}")
 
 
-def _plan(report: ReportData) -> Iterator[str]:
-    yield _items(report.plan.computed)
-    if report.plan.left_out:
-        yield html_table("Left out, and why", ("what", "why"), *report.plan.left_out)
+def _answer(rows: Sequence[Row], sentence: str) -> Iterator[str]:
+    yield paragraph(_short(sentence, SENTENCE), "answer")
+    head = ("cause", "answer", "about", "+- half width", "at most", "worst at", "what to do")
+    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
+    yield _without_empty("Answer by cause", head, *_by_cause(rows, causes))
+    of: dict[str, Row] = {}
+    for row in worst_first(rows):
+        of.setdefault(row.name, row)
+    worst = list(of.values())
+    beside = f", the {ROWS} worst of {len(worst)}" if len(worst) > ROWS else ""
+    head = ("output", "up to", "tolerance", "whole error about", "at most", "answer")
+    yield _without_empty(f"Outputs{beside}", head, *map(_of_output, worst[:ROWS]))
 
 
-def _versions(report: ReportData) -> str:
-    run, here = report.made, made_here()
-    rows = ((name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here})
-    return html_table("", ("", "bounds", "this page"), *rows)
-
-
-def _again(report: ReportData) -> Iterator[str]:
-    if not report.origin:
-        yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
-        return
-    yield paragraph("This page, the summary and all numbers over time, from the saved report:")
-    commands = [f'romerr {what} "{report.origin}"' for what in ("report", "show", "csv")]
-    calls = ["import exudyn_romerr as romerr", f"report = romerr.load_report({report.origin!r})", "print(report)"]
-    yield from (f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in (commands, calls))
-
-
-# --- figures ---
-
-
-def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterator[str]:
-    """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
-    condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
-    rows = [(name, i) for name, out in report.outputs.items() for i in range(len(out.row_names))]
-    worst = worst_first(report, rows)
-    firsts = {name: (name, i) for name, i in reversed(worst)}.values()
-    worst, left = sorted(worst, key=lambda row: row not in firsts)[:MOST], []
-    for name, i in rows:
-        out, title = report.outputs[name], report.outputs[name].row_names[i]
-        if (name, i) not in worst:
-            left.append(title)
-            continue
-        text = escape(
-            f"{title}: signal; error over time{'; where the bound comes from' * _has_causes(out, i)}{condition}"
+def _by_cause(rows: Sequence[Row], causes: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    for cause in causes:
+        row, todo = worst_of_cause(rows, cause)
+        verdict = row.of[cause]
+        size, half = size_and_half(verdict, row.unit, row.extent)
+        # a bound of the modes is one of the rigid interfaces, too
+        is_bounded = cause == ("modes" if row.scope else "sum")
+        is_said_above = cause == "sum" and len(causes) > 1
+        why = "; ".join(filter(None, [verdict.reason, "" if is_said_above else todo]))
+        yield (
+            TITLES[cause],
+            _said(verdict.answer),
+            size or NOTHING,
+            half or NOTHING,
+            _bound(row) if is_bounded else NOTHING,
+            _short(row.label or row.name, NAME),
+            _short(why, CELL) or NOTHING,
         )
-        source = _picture(report, name, i, tolerances)
-        yield f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+
+
+def _of_output(row: Row) -> tuple[str, ...]:
+    whole = row.of["sum"]
+    return (
+        _short(row.label or row.name, NAME),
+        NOTHING if row.extent is None else with_unit(digits(row.extent, 4), row.unit),
+        NOTHING if row.tolerance is None else with_unit(digits(row.tolerance), row.unit),
+        NOTHING if whole.size is None else size_in_words(whole, row.unit, row.extent),
+        _bound(row),
+        _said(whole.answer),
+    )
+
+
+def _without_empty(caption: str, head: tuple[str, ...], *rows: tuple[str, ...]) -> str:
+    """A table without the columns that say nothing: where nothing is bounded nothing is said of bounds."""
+    columns = [column for column in zip(head, *rows, strict=True) if {*column[1:]} != {NOTHING}]
+    return html_table(caption, *zip(*columns, strict=True))
+
+
+def _bound(row: Row) -> str:
+    if row.bound is None:
+        return NOTHING
+    return f"{with_unit(rounded_up(row.bound, 2), row.unit)}{row.scope and f' ({row.scope})'}"
+
+
+def _said(answer: Answer) -> str:
+    """The answer with a sign: neither colour nor print is needed to see it."""
+    return f"{SIGNS.get(answer, UNKNOWN)} {answer.value}"
+
+
+def _repeated(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
+    asked = "".join(f' --tolerance "{text}"' for text in (tolerances.texts if tolerances else ()))
+    script = f"{report.made['script']} {report.made.get('arguments', '')}".strip() if script_of(report) else ""
+    commands = [f"romerr run{asked} {script}"] if script else []
+    commands += [f'romerr report{asked} "{report.origin}"'] if report.origin else []
+    if commands:
+        yield f"<pre>{escape(chr(10).join(_short(command, CELL) for command in commands))}</pre>"
+    versions = [f"{name} {said}" for name, said in report.made.items() if name not in ("date", "script", "arguments")]
+    made = f"Computed {report.made['date']} by {', '.join(versions)}." if report.made else "Versions: not recorded."
+    yield paragraph(made, "quiet")
+
+
+def _short(text: str, most: int) -> str:
+    """The text, or its begin and its end, by which names differ: a page has no room for more."""
+    end = most // 3
+    return text if len(text) <= most else f"{text[: most - end - 5]} ... {text[-end:]}"
+
+
+def _lines(text: str) -> int:
+    return -(-len(text) // LINE)
+
+
+def _fitting(texts: Iterable[str], room: int) -> Iterator[str]:
+    """Yield texts that so many lines have room for, the first ones first, and how many are left out."""
+    left = 0
+    for text in dict.fromkeys(_short(text, TEXT) for text in texts):
+        lines = _lines(text)
+        if left or lines > room:
+            left += 1
+        else:
+            room -= lines
+            yield text
     if left:
-        yield paragraph(
-            "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first, "
-            f"what was not asked for last. Not drawn: {', '.join(left)}. "
-            'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
-        )
+        yield MORE.format(left)
 
 
-def _has_causes(out: OutputReport, row: int) -> bool:
-    return bool(np.isfinite(out.bound["best"][:, row]).any()) or out.estimate is None
+# --- the picture ---
+
+
+def picture(report: ReportData, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the figure of the component that is worst, if there is one of which anything is known."""
+    known = [row for row in worst_first(rows) if has_numbers([row])]
+    if not known:
+        return
+    row = known[0]
+    condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
+    text = escape(f"{_short(row.label or row.name, NAME)}, the worst: what it shows; its error over time{condition}")
+    yield f"<figure>{_drawn(report, row, text)}<figcaption>{text}</figcaption></figure>"
 
 
 @of_one_size
-def _picture(report: ReportData, name: str, row: int, tolerances: Tolerances | None) -> str:
-    """Pairs of axes as a data address."""
-    out = report.output(name)
-    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(out, row)]
-    figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
-    limit = limit_of(out, tolerances)
-    for ax, draw in zip(figure.subplots(len(draws), 1, sharex=True), draws, strict=True):
-        draw(ax, report, name, row, *([limit.size] if draw is draw_bounds and limit.is_asked else []))
-        ax.tick_params(labelbottom=True)
-    kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
-    stream = io.BytesIO()
-    figure.savefig(stream, format=kind, dpi=DPI)
-    return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"
+def _drawn(report: ReportData, row: Row, text: str) -> str:
+    """Signal and error side by side: vectors in the colours of the page; pixels of long runs."""
+    from matplotlib import rc_context
+
+    is_long = len(report.t) > RASTER_FROM
+    # of letters and lines that have the colour of the page's text
+    own = {} if is_long else dict.fromkeys(INKS, INK)
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "page", **own}):
+        figure = new_figure(*PICTURE)
+        signal, error = figure.subplots(1, 2)
+        draw_signal(signal, report, row.name, row.component)
+        draw_bounds(error, report, row.name, row.component, row.tolerance or None)
+        stream = io.BytesIO()
+        if is_long:
+            figure.savefig(stream, format="png", dpi=DPI)
+            source = base64.b64encode(stream.getvalue()).decode()
+            return f'<img src="data:image/png;base64,{source}" alt="{text}">'
+        figure.savefig(stream, format="svg", transparent=True, metadata=NO_METADATA)
+    _, start, inner = stream.getvalue().decode("utf-8").partition("<svg ")
+    for colour, name in PAGE_COLOURS.items():
+        inner = inner.replace(colour.lower(), f"var(--{name})")
+    return f'{start}role="img" aria-label="{text}" {inner}'
 
 
 # --- elements: text goes in as it is, and is escaped here ---
 
 
-def document(title: str, parts: Iterable[str]) -> str:
-    """Return a whole page of elements."""
-    return "\n".join([HEAD.format(title=escape(title), css=CSS), *parts, "</body>\n</html>\n"])
-
-
-def _section(title: str, *content: str) -> str:
-    """Return a heading, with an id made of its words, and what follows."""
-    number = title.lower().replace(" ", "-")
-    return "\n".join([f'<section id="{number}">', f"<h2>{escape(title)}</h2>", *content, "</section>"])
+def document(title: str, parts: Iterable[str], kind: str = "") -> str:
+    """Return a whole page of elements; kind : class of its body, "sheet" is one sheet in print."""
+    head = HEAD.format(title=escape(title), css=CSS, kind=kind and f' class="{kind}"')
+    return "\n".join([head, *parts, "</body>\n</html>\n"])
 
 
 def paragraph(text: str, kind: str = "") -> str:

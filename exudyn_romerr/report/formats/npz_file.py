@@ -139,9 +139,9 @@ def _doubts(meta: dict, found: list | None) -> tuple[Doubt, ...]:
 
 
 def _at_nodes(arrays: dict) -> NodeFields | None:
-    if not (bound := _under(arrays, "node/")):
+    bound, of = _under(arrays, "node/"), _under(arrays, "nodes/")
+    if not (bound or of):
         return None
-    of = _under(arrays, "nodes/")
     found = {kind: _under(of, f"{kind}/") for kind in NODE_DICTS}
     found["instant"] = {e: float(t) for e, t in found["instant"].items()}
     return NodeFields(bound, positions=of.get("positions"), **found)

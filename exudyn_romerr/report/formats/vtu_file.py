@@ -46,13 +46,14 @@ def write_vtu(report: ReportData, path: str | os.PathLike, mesh: Any = None, est
 
     "displacement" (nodes, 3) of the reduced model, in the body's frame; "error bound" (nodes,), of the length of its
     error; "error estimate" (nodes, 3), u_full - u_reduced, signed, if the estimator knows it: displacement + estimate
-    is the best guess of the full model's. Where the scope is not complete, or bounds are not certified, the names say
-    so: "error bound, inputs frozen", "error bound, not certified". Field data: "TimeValue".
+    is the best guess of the full model's. In a mechanism there is no bound, and the estimate is of modes and
+    interfaces. Where the scope is not complete, or bounds are not certified, the names say so: "error bound, inputs
+    frozen", "error bound, not certified". Field data: "TimeValue".
 
     Parameters
     ----------
     report : BoundReport
-        Of a body with node positions; of a mechanism one of report.bodies.
+        Of a body with node positions; of a mechanism with several one of report.bodies.
     path : path
         Ending in .vtu.
     mesh : FEMinterface, result of read_body, or (positions, elements); optional
@@ -75,7 +76,7 @@ def write_vtu(report: ReportData, path: str | os.PathLike, mesh: Any = None, est
         raise InputError(f"path={str(path)!r}: ParaView knows the kind of file by its ending; pass one with .vtu")
     nodes = report.at_nodes()
     e = estimator or sharpest_at_nodes(report)
-    check_choice("estimator", e, nodes.bound)
+    check_choice("estimator", e, nodes.bound or nodes.estimate)
     if nodes.positions is None:
         raise InputError("this report was saved by version 0.1, which kept no positions; make it again")
     cells = cells_of(mesh, nodes.positions)
@@ -86,7 +87,7 @@ def write_vtu(report: ReportData, path: str | os.PathLike, mesh: Any = None, est
 def _file(report: ReportData, nodes: NodeFields, e: str, cells: list[tuple[str, np.ndarray]]) -> Iterator[str]:
     condition = under(report.scope, e)
     bound = f"error bound{under(report.scope, e, report.uncertified)}"
-    fields = {"displacement": nodes.displacement[e], bound: nodes.bound[e]}
+    fields = {"displacement": nodes.displacement[e]} | ({bound: nodes.bound[e]} if nodes.bound else {})
     if e in nodes.estimate:
         fields[f"error estimate{condition}"] = nodes.estimate[e]
     count = sum(len(elements) for _, elements in cells)

@@ -1,4 +1,4 @@
-"""Picture of a body: its deformed mesh, coloured by the bound of the displacement's error at every node."""
+"""Picture of a body: its deformed mesh, coloured by the displacement's error at every node, or the bound of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
 from ..data import ReportData
 from ..scope import NOT_CERTIFIED
-from ..wording import axis_label, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
+from ..wording import axis_label, digits, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
 from .style import COLOURS, THIN, WIDE, largest_finite, picture
 
 SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
@@ -44,6 +44,8 @@ def draw_body(
 ) -> None:
     """Draw the body, coloured by the bound of the displacement's error at every node, at the worst instant.
 
+    In a mechanism, which has no such bounds, by the estimated error of modes and interfaces, seen from the frame.
+
     Parameters
     ----------
     ax : mpl_toolkits.mplot3d.axes3d.Axes3D
@@ -52,7 +54,8 @@ def draw_body(
         Exudyn's fem, whose surface triangles are drawn; or positions (nodes, 3) with elements (e, 2), lines of beams,
         (e, 3), triangles of a surface, (e, 4 or 10), tetrahedra, or None: nodes alone.
     displacement : callable, optional
-        Number of an instant of the report -> displacements (nodes, 3) there. Default: the mesh as it is.
+        Number of an instant of the report -> displacements (nodes, 3) there. Default: the mesh as it is; in a
+        mechanism as the error deforms it.
     estimator : str, optional
         Default: of those whose scope covers most the one whose largest bound is smallest.
     unit : str
@@ -61,7 +64,8 @@ def draw_body(
     Raises
     ------
     InputError
-        A report without bounds at nodes, an unknown estimator, a mesh of another number of nodes, or without surface.
+        A report that knows nothing at nodes, an unknown estimator, a mesh of another number of nodes, or without
+        surface.
 
     Notes
     -----
@@ -71,19 +75,32 @@ def draw_body(
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     e = estimator or sharpest_at_nodes(report)
-    check_choice("estimator", e, report.node_bound)
-    bound, at = report.node_bound[e], int(np.argmax(report.position_bound[e]))
+    nodes = report.at_nodes()
+    is_bound = bool(nodes.bound)
+    check_choice("estimator", e, nodes.bound if is_bound else nodes.estimate)
+    bound = nodes.bound[e] if is_bound else np.linalg.norm(nodes.estimate[e], axis=1)
+    at = int(np.argmax(report.position_bound[e]) if is_bound else np.abs(report.t - nodes.instant[e]).argmin())
     positions, cells = _mesh(mesh, len(bound))
-    moved, scale = _moved(positions, None if displacement is None else displacement(at))
+    by_error = None if is_bound else nodes.estimate[e]
+    moved, scale = _moved(positions, by_error if displacement is None else displacement(at))
     if scale is not None and cells.shape[1] == 2:
         ax.add_collection3d(Line3DCollection(positions[cells], colors="#999999", linewidths=THIN, linestyles="--"))
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
-    bound_of = f"bound{f' ({NOT_CERTIFIED})' if report.uncertified else ''} of the {error_kind(report.time)}"
-    bar.set_label(axis_label(f"{bound_of}\nby '{e}'{under(report.scope, e)}", unit))
+    doubt, what = f" ({NOT_CERTIFIED})" if report.uncertified else "", error_kind(report.time)
+    shown = f"bound{doubt} of the {what}\nby '{e}'" if is_bound else f"estimate{doubt} of the {what}"
+    bar.set_label(axis_label(f"{shown}{under(report.scope, e)}", unit))
     bar.formatter.set_powerlimits((-3, 4))
-    ax.set_title(_title(report, bound, at, scale, f"{unit and f' {unit}'}{under(report.scope, e)}"))
+    worst = f"at node {int(np.argmax(bound))}:"
+    if is_bound:
+        what += f" {worst} {'bounded by' if report.uncertified else 'at most'} {rounded_up(bound.max())}"
+    else:
+        what += f" {worst} about {digits(bound.max(), 2)}"
+    drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
+    if displacement is None and not is_bound:
+        drawn = f"as the error deforms it, × {scale:g}"
+    ax.set_title(_title(report, f"{what}{unit and f' {unit}'}{under(report.scope, e)}", bound, at, drawn))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:
@@ -168,12 +185,8 @@ def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
     ax.set_box_aspect(half, zoom=ZOOM)
 
 
-def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
-    when = instant(report.time, report.t[at])
-    worst = int(np.argmax(bound))
-    drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
+def _title(report: ReportData, what: str, bound: np.ndarray, at: int, drawn: str) -> str:
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
-    is_at_most = "bounded by" if report.uncertified else "at most"
-    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {rounded_up(bound[worst])}{unit}"
     why = fill(not_certified(report.uncertified), TITLE)
-    return f"{most[0].upper()}{most[1:]}{why and f'{chr(10)}({why})'}\n{when}, {drawn}{infinite}"
+    when = instant(report.time, report.t[at])
+    return f"{what[0].upper()}{what[1:]}{why and f'{chr(10)}({why})'}\n{when}, {drawn}{infinite}"

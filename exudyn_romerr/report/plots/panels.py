@@ -65,8 +65,8 @@ def plot_report(
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
     bounded = [name for name, out in report.outputs.items() if np.isfinite(out.bound["best"]).any()]
-    script = _script(report)
-    title = f"{script}{'w' if script else 'W'}hat do the bounds come from?"
+    script = script_of(report)
+    title = f"{script}: what do the bounds come from?" if script else "What do the bounds come from?"
     outputs = bounded if outputs is None else outputs
     return _plot(
         report, path, outputs, lambda panel, *of: draw_causes(*panel, report, *of), 1, title, "smaller bounds"
@@ -151,17 +151,17 @@ def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
     return figure, axes.reshape(count, 1) if high == 1 else axes if count > columns else axes.T
 
 
-def _script(report: ReportData) -> str:
-    """The name of the script that made a report; empty where it is not known."""
+def script_of(report: ReportData) -> str:
+    """Return the name of the script that made a report; empty where it is not known."""
     name = os.path.basename(report.made.get("script", ""))
-    return f"{name}: " if name.endswith(".py") and not NO_SCRIPT.match(name) else ""
+    return name if name.endswith(".py") and not NO_SCRIPT.match(name) else ""
 
 
 def _question(report: ReportData) -> str:
     """What a picture answers: how wrong this many modes and steps are."""
-    if not _script(report):
+    if not script_of(report):
         return "How wrong is the reduced model?"
     found = [of for line in report.plan.computed for of in re.findall(r"^basis: .*?(\d+) (?:modes|columns)", line)]
     modes, its = (f"{found[0]} modes", "") if len(found) == 1 else ("its modes", "its ")
     steps = "" if report.time == "static" else f" and {its}{len(report.t) - 1:,} steps"
-    return f"{_script(report)}how wrong are {modes}{steps}?"
+    return f"{script_of(report)}: how wrong are {modes}{steps}?"

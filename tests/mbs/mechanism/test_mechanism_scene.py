@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr import AssumptionError, load_report
+from exudyn_romerr import AssumptionError, InputError, attach, floating_body, load_report
+from exudyn_romerr.mbs.access.mbs_items import node_coordinates
+from exudyn_romerr.mbs.mirror.recorder import Recorder
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
@@ -110,6 +112,43 @@ def test_fields_at_nodes_are_those_of_outputs():
             # rounding, 1e-9 of the bounds by energy, is bounded by way of the mass norm at nodes
             rounding = 1e-7 * np.max(report.output("probe").bound["energy"])
             assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) + rounding
+
+
+def test_bodies_are_drawn_as_the_error_deforms_them(tmp_path):
+    """To 2 % those of a run with many modes at the same instant, in picture and file; saved if asked for."""
+    scene, everything = pendulum(2), pendulum(50)
+    monitor = attach(scene.mbs, [floating_body(scene.fem, items) for items in scene.bodies])
+    solve(scene)
+    kept = Recorder(everything.mbs, None)
+    everything.mbs.SetPostStepUserFunction(kept)
+    solve(everything)
+    report, (rows,) = monitor.report(), kept.runs()
+    with pytest.raises(InputError, match=r"ask report\.bodies\[\.\.\.\]"):
+        report.plot_body(scene.fem)
+    for body, items in zip(report.bodies, everything.bodies, strict=True):
+        nodes = body.at_nodes()
+        (known,), (moved,), (at,) = (x.values() for x in (nodes.estimate, nodes.displacement, nodes.instant))
+        V = everything.mbs.GetObject(items["oFFRFreducedOrder"])["modeBasis"]
+        own = node_coordinates(everything.mbs, items["nGenericODE2"])
+        error = (V @ rows.q[np.argmin(np.abs(rows.t - at))][own]).reshape(-1, 3) - moved
+        np.testing.assert_allclose(known, error, rtol=0, atol=0.02 * np.abs(error).max())
+    figure = body.plot_body(scene.fem, tmp_path / "body.svg")
+    assert f"t = {at:.4g} s, as the error deforms it" in figure.axes[0].get_title()
+    body.to_vtu(tmp_path / "body.vtu", scene.fem)
+    file = pytest.importorskip("meshio").read(tmp_path / "body.vtu")
+    assert [*file.point_data] == ["displacement", "error estimate, to first order"]
+    np.testing.assert_array_equal(file.point_data["error estimate, to first order"], known)
+    report.save(tmp_path / "run.npz")
+    (again,) = load_report(tmp_path / "run.npz").bodies[1].at_nodes().estimate.values()
+    np.testing.assert_array_equal(again, known)
+
+
+def test_an_error_as_large_as_the_deformation_is_not_drawn():
+    for report in reports(pendulum(1, kind="free")):
+        with pytest.raises(InputError, match="as large as its deformation"):
+            report.plot_body(None)
+        with pytest.raises(InputError, match="as large as its deformation"):
+            report.to_vtu("body.vtu")
 
 
 def test_what_a_solve_has_made_goes_with_the_next():
@@ -298,9 +337,9 @@ def test_redundant_constraints_change_nothing():
         np.testing.assert_allclose(*pairs, rtol=0, atol=1e-6 * np.abs(one.output("probe").estimate).max())
 
 
-def on_interior_nodes(kind, n, *joints):
-    """One bar with joints at its right face or in its middle."""
-    scene = mechanisms._scene((n, kind), (STEP, 5 * STEP))
+def on_interior_nodes(kind, n, joints, steps=5):
+    """One bar with joints at its right face or in its middle, which its modes cannot move apart from all else."""
+    scene = mechanisms._scene((n, kind), (STEP, steps * STEP))
     mechanisms._add_bar(scene, floating.RAYLEIGH)
     positions = scene.fem.GetNodePositionsAsArray()
     nodes = np.flatnonzero(np.abs(positions[:, 0] - 0.2) < 0.03)
@@ -316,13 +355,31 @@ def on_interior_nodes(kind, n, *joints):
     return scene, middle
 
 
-@pytest.mark.parametrize(("kind", "n", "joints"), [("free", 3, ["middle"]), ("RBE3", 2, ["right", "middle"])])
-@pytest.mark.parametrize("estimators", ["energy", "auxiliary"])
-def test_joint_on_nodes_without_static_modes_is_refused(estimators, kind, n, joints):
-    scene, middle = on_interior_nodes(kind, n, *joints)
-    (monitor,) = watch(scene, estimators=estimators)
+INTERIOR = [("free", 3, ["middle"]), ("RBE3", 2, ["right", "middle"])]
+
+
+@pytest.mark.parametrize(("kind", "n", "joints"), INTERIOR)
+def test_bounds_of_a_body_alone_need_modes_that_move_its_joints(kind, n, joints):
+    scene, middle = on_interior_nodes(kind, n, joints)
+    (monitor,) = watch(scene, estimators="energy")
     solve(scene)
     error = raised(monitor)
     assert type(error) is AssumptionError
     assert "static modes" in str(error)
     assert f"marker {int(middle)}" in str(error)
+
+
+@pytest.mark.parametrize(("kind", "n", "joints"), INTERIOR)
+def test_vectors_move_interfaces_that_modes_cannot(kind, n, joints):
+    """Beside a run with all modes: estimates are within 2 %, and no bound is below the error."""
+    scene, _ = on_interior_nodes(kind, n, joints, steps=20)
+    (report,) = reports(scene)
+    everything, _ = on_interior_nodes(kind, 170, joints, steps=20)
+    solve(everything)
+    out, sensor = report.output("probe"), scene.sensors["middle 1 local"]
+    full, reduced = (x.mbs.GetSensorStoredData(sensor)[:, 1:] for x in (everything, scene))
+    error, size = full - reduced, np.abs(full - reduced).max()
+    np.testing.assert_allclose(out.estimate_parts["basis"], error, rtol=0, atol=0.02 * size)
+    assert size > 1e-3 * np.abs(full).max()
+    assert np.isfinite(out.bound["best"]).all()
+    assert np.all(np.abs(error) <= out.bound["best"] + 1e-3 * size)

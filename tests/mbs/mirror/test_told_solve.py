@@ -17,7 +17,8 @@ from exudyn_romerr.mbs.access.detached import Detached
 from exudyn_romerr.mbs.mirror import recorder as module
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror import vectors
-from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy, unknowns_of
+from exudyn_romerr.mbs.mirror.covered import unknowns_of
+from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
 from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
@@ -26,6 +27,8 @@ from exudyn_romerr.report.assessment import rows_of
 from models import floating
 from models.robot_arm import robot_arm
 from tests.helpers.observed import flexes, shown
+from tests.mbs.floating.test_floating_scene import add_ground_marker, bar
+from tests.mbs.floating.test_floating_scene import solve as solved
 from tests.mbs.mechanism.test_same_numbers import in_units
 
 H = 1e-3
@@ -127,6 +130,16 @@ def test_a_controller_in_pre_step_shows_at_the_rows():
     scene = robot_arm(4, t_end=0.02)
     with pytest.raises(AssumptionError, match="PreStep"):
         told_by_run(scene.mbs, flexes(scene), scene.solve)
+
+
+def test_a_body_that_rests_is_not_said_to_be_controlled():
+    """Forces of stiff springs in the rounding of places are all there is: none acts of the user's."""
+    scene = bar(gravity=(0.0, 0.0, 0.0))
+    for marker in (scene.left, scene.right):
+        markers = [marker, add_ground_marker(scene, marker)]
+        scene.mbs.AddObject(itemInterface.CartesianSpringDamper(markerNumbers=markers, stiffness=[2e8] * 3))
+    with pytest.raises(AssumptionError, match="nothing moves: what coordinates show is rounding"):
+        told_by_run(scene.mbs, [romerr.floating_body(scene.fem, scene.items)], lambda: solved(scene))
 
 
 def test_nothing_is_told_without_a_step():
@@ -327,8 +340,8 @@ def test_what_no_force_knows_is_read_as_nothing():
     copy.seen = np.zeros(0, int)
     q, lam = np.zeros(copy.own.size), scene.mbs.systemData.GetAECoordinates()
     reading = copy.read(0.0, q, q, q, lam)
-    assert not reading.K.any()
-    assert not reading.H.any()
+    assert not reading.K.nnz
+    assert not reading.H.nnz
     assert reading.G.shape == (0, len(copy.scales))
 
 
@@ -403,6 +416,11 @@ class System:
 
     def GetAECoordinates(self, *_):
         return self.q[:1] - 1
+
+    def GetODE1Coordinates(self, *_):
+        return self.q[:0]
+
+    GetODE1Coordinates_t = GetODE1Coordinates
 
 
 def recorded(times):
