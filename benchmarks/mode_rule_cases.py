@@ -59,10 +59,14 @@ class Held:
         strain = romerr.node_strain("strain", node=node, fem=fem, component="xx")
         self.outputs = {"tip": force, "strain": np.ravel(strain.rows)}
 
+    def new_body(self) -> romerr.ElasticBody:
+        """As users of this package have it, nothing computed yet."""
+        return romerr.ElasticBody(*self._matrices, rayleigh=self.rayleigh, **self._options)
+
     @cached_property
     def body(self) -> romerr.ElasticBody:
-        """As users of this package have it."""
-        return romerr.ElasticBody(*self._matrices, rayleigh=self.rayleigh, **self._options)
+        """One of them."""
+        return self.new_body()
 
     def hurty_craig_bampton(self, kind: str) -> np.ndarray:
         """Exudyn's modes with "RBE2" or "RBE3" interfaces (N, 6 + MOST): static ones first."""

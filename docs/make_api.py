@@ -33,7 +33,8 @@ GROUPS = {
     "Outputs": "node_displacement node_velocity node_rotation mean_displacement mean_rotation relative_displacement "
     "node_strain node_stress von_mises",
     "Bodies": "read_body mean_motion mass_orthogonal hold_modes set_modal_damping initial_coordinates initial_error",
-    "Modes": "choose_modes mode_table keep_modes modal_basis krylov_basis gramian_basis frequency_response",
+    "Modes": "choose_modes mode_table keep_modes modal_basis krylov_basis gramian_basis frequency_response "
+    "from_pymor",
     "Many runs": "sweep plot_convergence plot_run_time",
 }
 

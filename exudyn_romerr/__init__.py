@@ -16,6 +16,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads; `as` 
         krylov_basis as krylov_basis,
         modal_basis as modal_basis,
     )
+    from .basis.second_order_model import SecondOrder as SecondOrder, from_pymor as from_pymor
     from .errors import (
         AssumptionError as AssumptionError,
         InputError as InputError,
@@ -72,6 +73,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads; `as` 
 
 _NAMES = {  # by module
     "basis.basis": "Basis gramian_basis krylov_basis modal_basis",
+    "basis.second_order_model": "SecondOrder from_pymor",
     "errors": "AssumptionError InputError RomErrError RunError",
     "fe_files.fe_model": "FEModel",
     "fe_files.read_body": "read_body",

@@ -242,7 +242,7 @@ def test_speed_figure_is_drawn(tmp_path):
 def test_a_table_replaces_the_one_on_the_page(tmp_path):
     copy = tmp_path / "measured.md"
     copy.write_text(page.PAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    marks = ["ratios", "question", "estimators", "examples"]
+    marks = ["ratios", "question", "estimators", "examples", "rivals"]
     marks += [script.MARK for script in (against_rival, bounds, estimates, half_widths)]
     for name in marks:
         page.put(name, f"new {name}\\1", copy)

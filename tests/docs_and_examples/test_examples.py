@@ -276,6 +276,16 @@ def test_modes_that_the_rod_needs_are_found(tmp_path, capsys):
     assert (tmp_path / "how_many_modes.png").read_bytes()[:4] == PNG
 
 
+def test_bounds_of_a_model_of_pymor_are_nearer_than_its_norms():
+    pytest.importorskip("pymor")
+    from examples import pymor_second_order
+
+    true, about, most, by_norm = pymor_second_order.main()
+    assert about == pytest.approx(true, rel=1e-3)
+    assert true <= most <= 1.01 * true
+    assert by_norm > 100 * most
+
+
 def solved_as_in_exudyn(steps):
     """What the example for Exudyn's folder has at its end, of short thick links that are meshed and solved fast."""
     path = ROOT / "examples" / "reductionErrorCMS.py"

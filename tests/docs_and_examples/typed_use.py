@@ -71,6 +71,7 @@ def of_matrices() -> romerr.BoundReport:
     basis: romerr.Basis = romerr.krylov_basis(body, np.ones((6, 1)), 3, shifts=np.array([0.0, 10.0]))
     for basis in (romerr.modal_basis(body, 3), romerr.gramian_basis(body, np.ones((6, 1)), 3, (1.0, 10.0))):
         print(romerr.frequency_response(body, basis, np.ones(6), romerr.Output("y", np.eye(6)), [1.0, 2.0]).bound)
+        print(romerr.from_pymor(body, basis).outputs[0].name)
     q, _ = romerr.initial_coordinates(body, basis, np.zeros(6), np.zeros(6))
     romerr.initial_error(body, basis, np.zeros(6), np.zeros(6))
     flex = romerr.add_reduced_body(object(), body, basis, inputs=np.ones((6, 1)), input_function=np.sin)

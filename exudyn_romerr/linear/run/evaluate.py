@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...basis.basis import Basis
+from ...basis.second_order_model import from_pymor, is_of_pymor
 from ...checks import check_array, check_type, real_array
 from ...errors import InputError
 from ...model.body import ElasticBody
@@ -56,8 +57,8 @@ class Trajectory:
 
 @one_thread()
 def evaluate(
-    body: ElasticBody,
-    basis: Basis,
+    body: ElasticBody | Any,
+    basis: Basis | Any,
     traj: Trajectory,
     *,
     inputs: Any = None,
@@ -75,6 +76,9 @@ def evaluate(
 
     Parameters
     ----------
+    body, basis
+        Or a SecondOrderModel of pyMOR and what reduced it, see from_pymor; inputs and outputs are then the model's
+        where none are given.
     traj : Trajectory
         Reduced coordinates and inputs at the samples.
     inputs : ndarray, (N, p), optional
@@ -115,6 +119,9 @@ def evaluate(
     -----
     Source: docs/theory.md; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
     """
+    if is_of_pymor(body):
+        body, basis, B, shown = from_pymor(body, basis)
+        inputs, outputs = B if inputs is None else inputs, outputs or shown
     options = BoundOptions.of(locals())
     check_type("traj", traj, Trajectory)
     offline = prepare(body, basis, options, sampled_inputs=True, samples_precision=traj.precision)
