@@ -189,19 +189,23 @@ def run(
     tolerances, path, home = tolerances_of(tolerance), check_script(script), os.getcwd()
     with _Watching(interfaces) as watching:
         ending = execute(path, arguments)
-        for solve in watching.solves if units else ():
-            _name_units(solve, units)
+        options = ["--units", units] * bool(units) + ["--interfaces", interfaces] * (interfaces != INTERFACES[0])
+        for solve in watching.solves:
+            _note_options(solve, units, shlex.join(options))
         error = f"{type(ending.error).__name__}: {ending.error}"
         notes = [*watching.notes()] if ending.began else [NOT_READ.format(error)]
         return Run(path, ending, watching.solves, notes, tolerances, arguments, units, home=home)
 
 
-def _name_units(solve: Solve, units: str) -> None:
+def _note_options(solve: Solve, units: str, options: str) -> None:
+    """Name units, and keep what repeats the run."""
     from ..report.data import name_units
 
     report = solve.report
     for one in () if report is None else (report, *report.bodies):
-        name_units(one.outputs.values(), units)
+        one.made["options"] = options
+        if units:
+            name_units(one.outputs.values(), units)
 
 
 class _Watching:

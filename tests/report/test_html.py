@@ -234,7 +234,7 @@ def test_what_a_tolerance_names_is_asked_for(report):
     assert "tip z in the frame" in first
     found = read(report, Tolerances(asked))
     assert first in found.words
-    assert 'romerr report --tolerance "tip z=1e9" --tolerance "tip z in the frame=1e-30" "run.npz"' in found.words
+    assert 'romerr report --tolerance "tip z=1e9" --tolerance "tip z in the frame=1e-30" run.npz' in found.words
 
 
 @pytest.mark.usefixtures("quick")
@@ -258,9 +258,9 @@ def test_names_and_messages_are_escaped(report):
     report.made = {**report.made, "script": f"{NASTY}.py", "arguments": NASTY}
     found = read(report)
     assert NASTY in found.of("li")
-    assert found.of("h1") == [f"How wrong is {NASTY.rpartition('/')[2]}.py?"]
+    assert found.of("h1") == [f"Accuracy of {NASTY.rpartition('/')[2]}.py"]
     assert f"{NASTY}.py {NASTY}" in found.of("pre")[0]
-    assert '"<i>&.npz"' in found.of("pre")[0]
+    assert "'<i>&.npz'" in found.of("pre")[0]
 
 
 @pytest.mark.usefixtures("quick")
@@ -309,15 +309,17 @@ def test_a_run_without_outputs_has_a_page(report):
 def test_a_page_says_how_to_repeat_it_and_by_what_it_was_made(report, tmp_path):
     """A loaded report has the same page."""
     report.made = {**report.made, "script": "some/model.py", "arguments": "--speed 3"}
-    assert read(report).of("pre") == ["romerr run some/model.py --speed 3"]
+    assert read(report).of("pre") == ["python some/model.py --speed 3"]
     path = tmp_path / "run.npz"
     report.save(path)
     found, again = read(report), read(load_report(path))
-    assert found.of("pre") == [f'romerr run some/model.py --speed 3\nromerr report "{path}"']
-    assert found.of("h1") == found.of("title") == ["How wrong is model.py?"]
+    assert found.of("pre") == [f"python some/model.py --speed 3\nromerr report {path}"]
+    assert found.of("h1") == found.of("title") == ["Accuracy of model.py"]
     assert f"numpy {report.made['numpy']}" in found.words
     assert report.made["date"] in found.words
     assert again.texts == found.texts
+    report.made["options"] = "--interfaces rigid"  # romerr run has made it
+    assert read(report).of("pre") == ["romerr run --html page.html --interfaces rigid some/model.py --speed 3"]
 
 
 # --- as a browser shows it ---

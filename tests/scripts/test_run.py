@@ -122,13 +122,15 @@ def test_files_are_written_and_can_be_read(tmp_path, capsys, monkeypatch):
     script = written(tmp_path, SCENE + SOLVE)
     files = {name: str(tmp_path / f"run.{name}") for name in ("npz", "html", "png", "json")}
     options = ["--save", files["npz"], "--html", files["html"], "--plot", files["png"], "--json", files["json"]]
+    options += ["--units", "m", "--interfaces", "rigid"]
     assert main(["run", "--tolerance", "1e9", *options, script, "with", "a b"]) == 0
     assert capsys.readouterr().out.count("written: ") == 4
     assert romerr.load_report(files["npz"]).outputs
     page = unescape(Path(files["html"]).read_text(encoding="utf-8"))
     assert "is within its tolerance." in page  # the one that was asked for
     assert re.search(r"\d modes of object 0, in place of [\d,]+ coordinates", page)
-    assert f"romerr run --tolerance \"1e9\" {script} with 'a b'" in page
+    repeats = f"romerr run --html page.html --tolerance \"1e9\" --units m --interfaces rigid {script} with 'a b'"
+    assert repeats in page
     assert Path(files["png"]).read_bytes().startswith(b"\x89PNG")
     told = json.loads(Path(files["json"]).read_text(), parse_constant=pytest.fail)  # no NaN, no Infinity
     assert told["bodies"] == 1

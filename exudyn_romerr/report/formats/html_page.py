@@ -6,6 +6,7 @@ import base64
 import io
 import os
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 
@@ -119,7 +120,7 @@ def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
     """Return the page as text: scene, question, answer by cause, picture, what was assumed, how to repeat it."""
     rows, answers, why = judged(report, tolerances)
     first = said_first(report)
-    title = f"How wrong is {script_of(report) or 'the reduced model'}?"
+    title = f"Accuracy of {script_of(report) or 'the reduced model'}"
     heard = [*messages(report), *after_the_step(rows), *why, *truths(report)]
     heard += [f"{NOT_CERTIFIED}: {remedy}" for remedy in remedies(report.uncertified)]
     parts = [
@@ -215,12 +216,14 @@ def _said(answer: Answer) -> str:
 
 def _repeated(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
     asked = "".join(f' --tolerance "{text}"' for text in (tolerances.texts if tolerances else ()))
-    script = f"{report.made['script']} {report.made.get('arguments', '')}".strip() if script_of(report) else ""
-    commands = [f"romerr run{asked} {script}"] if script else []
-    commands += [f'romerr report{asked} "{report.origin}"'] if report.origin else []
+    how = ("options", "script", "arguments")
+    words = [report.made.get(name, "") for name in how] if script_of(report) else []
+    is_by_run = "options" in report.made
+    commands = [[f"romerr run --html page.html{asked}" if is_by_run else "python", *words]] if words else []
+    commands += [[f"romerr report{asked}", shlex.quote(report.origin)]] if report.origin and not is_by_run else []
     if commands:
-        yield f"<pre>{escape(chr(10).join(_short(command, CELL) for command in commands))}</pre>"
-    versions = [f"{name} {said}" for name, said in report.made.items() if name not in ("date", "script", "arguments")]
+        yield f"<pre>{escape(chr(10).join(_short(' '.join(filter(None, of)), CELL) for of in commands))}</pre>"
+    versions = [f"{name} {said}" for name, said in report.made.items() if name not in ("date", *how)]
     made = f"Computed {report.made['date']} by {', '.join(versions)}." if report.made else "Versions: not recorded."
     yield paragraph(made, "quiet")
 
