@@ -102,7 +102,9 @@ class SeenBody:
         try:
             return Enrichment(*of, loads, wrenches, *most)
         except AssumptionError:
-            return Enrichment(*of, np.hstack([loads, wrenches]), wrenches[:, :0], *most)
+            found = Enrichment(*of, np.hstack([loads, wrenches]), wrenches[:, :0], *most)
+            found.leaves_interfaces = False
+            return found
 
 
 def seen_body(

@@ -43,7 +43,7 @@ class Enriched:
 
     body : modes, kept vectors (seen by the rest of the mechanism, or slow), oscillators. shapes (N, k) : all of them.
     projectors (GROUPS, m, m) : of the force on vectors (kept, then oscillators), what belongs to each part. weights :
-    numbers of loads on the body's mass, which the closed form has.
+    numbers of loads on the body's mass, which the closed form has. leaves_interfaces : whether vectors move none.
     """
 
     body: Body
@@ -51,6 +51,7 @@ class Enriched:
     projectors: np.ndarray
     weights: list[int]
     known: SeenBody
+    leaves_interfaces: bool
 
     @property
     def kept_shapes(self) -> np.ndarray:
@@ -89,7 +90,7 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     model = known.model
     if model.rigid is not None:
         require_free_node(Items(mbs), model)
-    P, parts, omega = _vectors(known, count)
+    P, parts, omega, leaves_interfaces = _vectors(known, count)
     columns = np.hstack([*(place.columns for place in known.actions.places.values()), _read_by(mbs, flex, detached)])
     able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
     slow = np.inf if READS_NODES in detached.names else slow
@@ -112,7 +113,8 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
 
     gravity = known.actions.gravity_by(detached)
     body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
-    return Enriched(body, shapes, parts, [load.number for load in known.actions.gravity], known)
+    weights = [load.number for load in known.actions.gravity]
+    return Enriched(body, shapes, parts, weights, known, leaves_interfaces)
 
 
 def _read_by(mbs: Any, flex: FloatingBody, detached: Detached) -> np.ndarray:
@@ -138,14 +140,17 @@ def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
     return found if np.all(left <= SPANNED**2 * np.diag(before.body.M)) else None
 
 
-def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """P (N, m), M-orthonormal oscillators, the projectors of their parts (GROUPS, m, m), frequencies (m,) rad/s."""
+def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
+    """P (N, m), M-orthonormal oscillators, the projectors of their parts (GROUPS, m, m), frequencies (m,) rad/s.
+
+    And whether they leave interfaces where they are.
+    """
     V = known.held.space.coordinates("V", known.model.held)
     of = V, *known.forces(), count, None if known.stiff is None else known.stiff.Z
     return made_once(known.held, "vectors", of, lambda: _made(known, V, count))
 
 
-def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """What _vectors returns; modes V: as held.space has them."""
     held, found = known.held, known.enrichment(count)
     part = _part_of(found.keeps, found.first)
@@ -161,7 +166,7 @@ def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.nd
     part, turn = np.append(part, np.zeros(X.shape[1], int)), la.block_diag(turn, np.eye(X.shape[1])) @ apart @ T
     back = np.linalg.inv(turn)  # y = turn eta: force on eta = turn^T force on y
     parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(GROUPS))]
-    return held.space.expand(P @ T), np.array(parts), np.sqrt(squares)
+    return held.space.expand(P @ T), np.array(parts), np.sqrt(squares), found.leaves_interfaces
 
 
 def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from .found_bodies import FoundBody
 
 RIGID = "interfaces that modes make rigid are taken to be so in reality (--interfaces rigid)"
+REJECTED = (
+    "Newton failed {} times and Exudyn began the step anew, from which errors may come that are in no number: "
+    "newton.useModifiedNewton = False, adaptiveStep = False or shorter steps cure that"
+)
 ATTACHED_BY_SCRIPT = "the script attaches monitors of its own; the answer is theirs"
 
 
@@ -102,6 +106,8 @@ class RecordedSolve:
             *(flexes, chosen, *of_solver), holds_rates=self._holds_rates, begun=self._begun, further=further
         )
         messages = [RIGID] if any(flex.interfaces == "rigid" for flex in flexes) else []
+        if rejected := getattr(solver.it, "rejectedModifiedNewtonSteps", 0):
+            messages.append(REJECTED.format(rejected))
         solve.notes += messages
         found = []
         for i, rows in enumerate(runs):

@@ -371,7 +371,7 @@ def test_bounds_of_a_body_alone_need_modes_that_move_its_joints(kind, n, joints)
 
 @pytest.mark.parametrize(("kind", "n", "joints"), INTERIOR)
 def test_vectors_move_interfaces_that_modes_cannot(kind, n, joints):
-    """Beside a run with all modes: estimates are within 2 %, and no bound is below the error."""
+    """Beside a run with all modes: estimates are within 2 %. Bounds were up to 14 % below errors of one free mode."""
     scene, _ = on_interior_nodes(kind, n, joints, steps=20)
     (report,) = reports(scene)
     everything, _ = on_interior_nodes(kind, 170, joints, steps=20)
@@ -381,5 +381,5 @@ def test_vectors_move_interfaces_that_modes_cannot(kind, n, joints):
     error, size = full - reduced, np.abs(full - reduced).max()
     np.testing.assert_allclose(out.estimate_parts["basis"], error, rtol=0, atol=0.02 * size)
     assert size > 1e-3 * np.abs(full).max()
-    assert np.isfinite(out.bound["best"]).all()
-    assert np.all(np.abs(error) <= out.bound["best"] + 1e-3 * size)
+    assert np.isinf(out.bound["best"]).all()
+    assert any("modes that cannot move each interface" in why for _, why in report.plan.left_out)
