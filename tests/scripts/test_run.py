@@ -392,6 +392,23 @@ TRIED = f"scene.mbs.Assemble()\ntry:\n    {SOLVES}except Exception:\n    pass\n"
 PULLED = FAILS.replace("ValueError('a user')", "KeyboardInterrupt")
 
 
+REJECTED = """import numpy as np
+failures = [True] * 12
+def force(t):
+    return (0.0, np.nan, 0.0) if t > 5.5e-3 and failures and failures.pop() else (0.0, 1e3 * t, 0.0)
+scene = floating.pendulum(4, h=1e-3, t_end=0.02, force=force)
+integration = scene.settings.timeIntegration
+integration.adaptiveStep, integration.minimumStepSize = True, 1e-6
+"""
+
+
+def test_rejected_steps_that_are_halved_are_in_no_estimate(tmp_path):
+    """Of 11 bars on springs the step was told 200 times too small, and that as enough."""
+    run = ran(tmp_path, HEAD + REJECTED + SOLVE)
+    assert {row["sum"]["how"] for row in run.rows} == {"not covered"}
+    assert re.search(r"Newton failed \d+ times and Exudyn began the step anew", str(run))
+
+
 @pytest.mark.parametrize("where", ["sensor_names", "Recorder"])
 def test_ctrl_c_before_the_first_step_is_said_first(where, tmp_path, monkeypatch):
     """While a solve is made ready to be watched, which takes a second where it is the first."""

@@ -20,6 +20,8 @@ from ..mirror.told_solve import Asked, Ended, told_solve
 from .found_bodies import NO_FEM
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ...report.judgement import Solve
     from ...report.report import BoundReport
     from ..access.solvers import EndedBy
@@ -32,7 +34,13 @@ REJECTED = (
     "Newton failed {} times and Exudyn began the step anew, from which errors may come that are in no number: "
     "newton.useModifiedNewton = False, adaptiveStep = False or shorter steps cure that"
 )
+SAME_LENGTH = 1e-6  # of a step: what differs by less is rounding of times
 ATTACHED_BY_SCRIPT = "the script attaches monitors of its own; the answer is theirs"
+
+
+def _vary(steps: np.ndarray) -> bool:
+    """Whether lengths of steps do: then errors of steps were 200 times as large as told where Newton had failed."""
+    return bool(len(steps)) and float(steps.max() - steps.min()) > SAME_LENGTH * float(steps.max())
 
 
 def monitor_of_script(mbs: Any) -> Monitor | MechanismMonitor | None:
@@ -107,6 +115,8 @@ class RecordedSolve:
         )
         messages = [RIGID] if any(flex.interfaces == "rigid" for flex in flexes) else []
         if rejected := getattr(solver.it, "rejectedModifiedNewtonSteps", 0):
+            if any(_vary(rows.t[1:] - rows.t[:-1]) for rows in runs):
+                raise AssumptionError(REJECTED.format(rejected))
             messages.append(REJECTED.format(rejected))
         solve.notes += messages
         found = []
