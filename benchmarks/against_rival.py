@@ -281,11 +281,9 @@ def main(arguments: list[str] | None = None) -> str:
     names = options.only or [*(EXUDYNS if options.exudyn else ()), *SCENES]
     if not options.exudyn and set(names) & set(EXUDYNS):
         parser.error("scripts of Exudyn need --exudyn CHECKOUT")
-    text = table(names, options.exudyn and options.exudyn.resolve(), options.pairs, options.scale)
-    print(text)
-    if options.docs:
-        page.put(MARK, text)
-    return text
+    return page.show(
+        MARK, table(names, options.exudyn and options.exudyn.resolve(), options.pairs, options.scale), options.docs
+    )
 
 
 if __name__ == "__main__":

@@ -80,11 +80,7 @@ def table(results: list[dict[str, Any]]) -> str:
 def main(arguments: list[str] | None = None) -> str:
     """Collect the results, print and return the table."""
     options = options_of(__doc__).parse_args(arguments)
-    text = table(collected_with(options))
-    print(text)
-    if options.docs:
-        page.put(MARK, text)
-    return text
+    return page.show(MARK, table(collected_with(options)), options.docs)
 
 
 if __name__ == "__main__":

@@ -123,11 +123,7 @@ def main(arguments: list[str] | None = None) -> str:
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="numbers of these names")
     parser.add_argument("--docs", action="store_true", help=f"write the table into {page.PAGE.name}")
     options = parser.parse_args(arguments)
-    text = table([*range(options.seeds)], options.only)
-    print(text)
-    if options.docs:
-        page.put(MARK, text)
-    return text
+    return page.show(MARK, table([*range(options.seeds)], options.only), options.docs)
 
 
 if __name__ == "__main__":

@@ -158,11 +158,9 @@ def main(arguments: list[str] | None = None) -> str:
     scripts = scripts_in(options.exudyn.resolve()) if options.exudyn else ()
     for script in (script for script in scripts if script.stem in EXUDYNS):
         results.append(stored(options.folder / f"{script.stem}.json", example, script))
-    text = table(results)
-    print("\n".join([*(not_good(results) if options.all else ()), text]))
-    if options.docs:
-        page.put(MARK, text)
-    return text
+    for line in not_good(results) if options.all else ():
+        print(line)
+    return page.show(MARK, table(results), options.docs)
 
 
 if __name__ == "__main__":

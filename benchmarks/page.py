@@ -7,6 +7,14 @@ PAGE = ROOT / "docs" / "measured.md"
 FIGURES = ROOT / "docs" / "figures"
 
 
+def show(name: str, table: str, is_kept: bool) -> str:
+    """Print a table, put it on the page if it is to be kept, and return it."""
+    print(table)
+    if is_kept:
+        put(name, table)
+    return table
+
+
 def put(name: str, table: str, page: Path = PAGE) -> None:
     """Replace the code block after <!-- name --> by a table; ValueError if the page has no such mark."""
     begin, end = f"<!-- {name} -->\n```text", "\n```"

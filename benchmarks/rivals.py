@@ -293,9 +293,7 @@ def main(arguments: list[str] | None = None) -> list[Claim]:
     given = parser.parse_args(arguments)
     claims = all_claims(given.quick)
     text = table(claims)
-    print(text)
-    if given.docs:
-        page.put("rivals", text)
+    page.show("rivals", text, given.docs)
     draw(claims, PICTURE if given.docs else given.picture)
     return claims
 
