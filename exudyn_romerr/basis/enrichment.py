@@ -52,15 +52,13 @@ class Enrichment:
     P : (n_free, count), orthonormal in M; where V makes interfaces rigid, vectors that keep them so among themselves,
     and vectors that deform them; blocks of P are Ritz vectors. keeps : (count,) bool,
     those that leave the interfaces rigid that V makes rigid. first : (count,) bool, those that a share FEWER of the
-    vectors of either kind would be, and static modes. leaves_interfaces : whether P moves no interface.
+    vectors of either kind would be, and static modes.
 
     Raises
     ------
     AssumptionError
         V cannot move the interfaces one by one: static modes are missing.
     """
-
-    leaves_interfaces = True
 
     def __init__(
         self, body: ElasticBody, V: np.ndarray, inertia, loads, wrenches, m: int, rigid: SubspaceFactor | None = None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from ..checks import check_type
+from ..checks import check_type, real_array
 from ..errors import AssumptionError, InputError
 from ..model.body import ElasticBody
 from ..model.outputs import Output
@@ -74,7 +74,7 @@ def from_pymor(model: Any, reduced_by: Any) -> SecondOrder:
     if abs(to_matrix(model.D)).max():
         raise AssumptionError("model has a feedthrough D; its error is zero: take it out, and add D u to y")
     body = ElasticBody(M, K, **damping(M, E, K))
-    return SecondOrder(body, basis_of(model, reduced_by), dense(B), outputs_of(Cp, Cv))
+    return SecondOrder(body, basis_of(model, reduced_by), real_array("B", B), outputs_of(Cp, Cv))
 
 
 def damping(M: Any, E: Any, K: Any) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def basis_of(model: Any, reduced_by: Any) -> Basis:
 
 def outputs_of(Cp: Any, Cv: Any) -> tuple[Output, ...]:
     """Return outputs "y" of displacements and "y_t" of velocities; rows of zeros are displacements."""
-    Cp, Cv = dense(Cp), dense(Cv)
+    Cp, Cv = real_array("Cp", Cp), real_array("Cv", Cv)
     is_velocity = Cv.any(axis=1)
     mixed = np.flatnonzero(is_velocity & Cp.any(axis=1))
     if mixed.size:
@@ -138,8 +138,3 @@ def outputs_of(Cp: Any, Cv: Any) -> tuple[Output, ...]:
             labels = tuple(f"row {i}" for i in np.flatnonzero(rows))
             found.append(Output(name, C[rows], of=of, labels=labels))
     return tuple(found)
-
-
-def dense(matrix: Any) -> np.ndarray:
-    """Return an ndarray."""
-    return np.asarray(matrix.toarray() if sp.issparse(matrix) else matrix)

@@ -129,15 +129,12 @@ class Splined:
             parts |= zip(SAMPLED, zip(*(one.sampled for one in readings), strict=True), strict=True)
         for name, of_readings in parts.items():
             place, values = _stacked(of_readings)
-            sizes = np.abs(values).max(axis=0, initial=0.0)
-            if name in OF_CONSTRAINTS:
-                alike, most = scales[place % n], np.zeros(of_readings[0].shape[0])
-                np.maximum.at(most, place // n, sizes * alike)
-                most = most[place // n]
-            else:
-                alike = both[place]
-                most = (sizes * alike).max(initial=0.0)
-            moves = np.ptp(values, axis=0) * alike > CONSTANT * most
+            row, column = np.divmod(place, n)
+            # rows of constraints have units of their own, and of each other part all entries are works
+            row, alike = (row, scales[column]) if name in OF_CONSTRAINTS else (0 * row, both[place])
+            most = np.zeros(of_readings[0].shape[0])
+            np.maximum.at(most, row, np.abs(values).max(axis=0, initial=0.0) * alike)
+            moves = np.ptp(values, axis=0) * alike > CONSTANT * most[row]
             self._fixed[name] = of_readings[0].toarray()
             self._varying[name] = place[moves], _over_time(t, values[:, moves])
         self._by_multiplier = _by_multiplier(H, t, both, forces)

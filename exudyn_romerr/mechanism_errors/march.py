@@ -174,9 +174,8 @@ class March:
         """Go on to row i under f (n, columns), C e = g; return e (3, n, columns), lam (c, columns)."""
         u, s, n_a, turns = self._unknowns, self._scheme, self._unknowns.n_a, factors.turns[i]
         h, c1, c2, flat = factors.h[i], factors.c1[i], factors.c2[i], (-1, f.shape[1])
-        (q, v, carried), (P, P1, carried_p) = (predicted(x, h, s) for x in (self.state.x, self.state.p))
         of_first = u.first_order
-        v[of_first] = self.state.x[1, of_first] + h / 2 * self.state.x[2, of_first]
+        (q, v, carried), (P, P1, carried_p) = predicted(self.state.x, h, s, of_first), predicted(self.state.p, h, s)
         nu = -turns.p[:, :, None] * np.einsum("ki,kic->kc", turns.p, P)[:, None]
         q[u.turns], v[u.turns] = (turns.H @ P).reshape(flat), (turns.H @ P1 + turns.H1 @ (P + nu)).reshape(flat)
         a0 = (2 * turns.H1 @ (P1 + c2 * nu) + turns.H2 @ (P + nu)).reshape(flat)
@@ -227,9 +226,16 @@ class March:
         self.state = State(x, p)
 
 
-def predicted(x: np.ndarray, h: float, s: Scheme) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what a state (4, ...) is after h without new accelerations, its rate, what the scheme carries on."""
+def predicted(
+    x: np.ndarray, h: float, s: Scheme, of_first: slice = slice(0)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what a state (4, ...) is after h without new accelerations, its rate, what the scheme carries on.
+
+    of_first : whose rates are of first order, and go by the trapezoidal rule
+    """
     q, v, a, own = x
     carried = (s.alpha_f * a - s.alpha_m * own) / (1 - s.alpha_m)
     moved = q + h * v + h**2 * ((0.5 - s.beta) * own + s.beta * carried)
-    return moved, v + h * ((1 - s.gamma) * own + s.gamma * carried), carried
+    rate = v + h * ((1 - s.gamma) * own + s.gamma * carried)
+    rate[of_first] = v[of_first] + h / 2 * a[of_first]
+    return moved, rate, carried

@@ -112,9 +112,8 @@ class WithoutModes:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to row i of a block."""
         (h, c1, c2), s, n = (of[i] for of in steps), self._scheme, self._unknowns.n_q
-        q, v, carried = predicted(x, h, s)
         rates = slice(n - self._unknowns.n_1, n)
-        v[rates] = x[1, rates] + h / 2 * x[2, rates]
+        q, v, carried = predicted(x, h, s, rates)
         z = X @ np.concatenate([-(system.K[i] @ q + system.D[i] @ v), -system.C[i] @ q])
         z = self._prescribed(z, X, rows.q[i, self._own] - q[self._own, np.arange(len(self._own))])
         a = c1 * z[:n]

@@ -89,10 +89,10 @@ class SeenBody:
         wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
         return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
 
-    def enrichment(self, count: int) -> Enrichment:
+    def enrichment(self, count: int) -> tuple[Enrichment, bool]:
         """Return what the modes miss most: `count` vectors at most, those that deform rigid interfaces not counted.
 
-        They leave interfaces where they are, unless modes cannot move these one by one: then vectors do.
+        And whether they leave interfaces where they are; where modes cannot move these one by one vectors do.
         """
         Z, (wrenches, loads) = self.held.space, self.forces()
         V, inertia = Z.coordinates("V", self.model.held), Z.loads(unit_inertia(self.flex.mass, self.flex.positions))
@@ -100,11 +100,9 @@ class SeenBody:
         of = self.held, V, inertia
         most = min(count, len(V) - V.shape[1]), rigid
         try:
-            return Enrichment(*of, loads, wrenches, *most)
+            return Enrichment(*of, loads, wrenches, *most), True
         except AssumptionError:
-            found = Enrichment(*of, np.hstack([loads, wrenches]), wrenches[:, :0], *most)
-            found.leaves_interfaces = False
-            return found
+            return Enrichment(*of, np.hstack([loads, wrenches]), wrenches[:, :0], *most), False
 
 
 def seen_body(

@@ -123,12 +123,12 @@ def told_solve(
     require_covered(mbs, asked.is_static)
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
-    first = mbs.systemData.ODE2Size()  # behind them are coordinates of first order
-    anew = [] if asked.is_static else strays_of_first_order(rows.t, rows.v[:, first:], rows.a[:, first:])
+    n = mbs.systemData.ODE2Size()  # behind them are coordinates of first order
+    anew = [] if asked.is_static else strays_of_first_order(rows.t, rows.v[:, n:], rows.a[:, n:])
     if len(anew):
         raise AssumptionError(BEGUN_ANEW.format(len(anew), rows.t[anew[0]]))
     flexes = asked.flexes
-    mbs, n = as_built_in(mbs, flexes), mbs.systemData.ODE2Size()
+    mbs = as_built_in(mbs, flexes)
     if asked.is_static:  # which holds coordinates of first order
         held = rows.v[-1]
         rows = replace(rows, q=rows.q[:, :n], v=rows.v[:, :n], a=rows.a[:, :n])

@@ -67,7 +67,7 @@ class Enriched:
         """Return displacements of the mesh where errors of it are largest, seen from the frame, and these errors."""
         n, U, q = self.body.n, self.held_shapes, rows.q[:, self.body.place.modal]
         moved, error = (x.reshape(-1, 3) for x in (U[:, :n] @ q[of.row], U @ of.deformed))
-        most = np.sqrt(np.einsum("ti,ij,tj->t", q, self.body.M[:n, :n], q).max())
+        most = np.sqrt(np.einsum("ti,ti->t", q @ self.body.M[:n, :n], q).max())
         # no linear equation tells an error as large as what is shown
         known, at = ({name: error} if of.size <= most else {}), {name: float(rows.t[of.row])}
         return NodeFields({}, known, {name: moved}, at, self.known.flex.positions)
@@ -152,7 +152,7 @@ def _vectors(known: SeenBody, count: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """What _vectors returns; modes V: as held.space has them."""
-    held, found = known.held, known.enrichment(count)
+    held, (found, leaves_interfaces) = known.held, known.enrichment(count)
     part = _part_of(found.keeps, found.first)
     squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))
     turn = turn[:, ::-1] / np.sqrt(squares[::-1])
@@ -166,7 +166,7 @@ def _made(known: SeenBody, V: np.ndarray, count: int) -> tuple[np.ndarray, np.nd
     part, turn = np.append(part, np.zeros(X.shape[1], int)), la.block_diag(turn, np.eye(X.shape[1])) @ apart @ T
     back = np.linalg.inv(turn)  # y = turn eta: force on eta = turn^T force on y
     parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(GROUPS))]
-    return held.space.expand(P @ T), np.array(parts), np.sqrt(squares), found.leaves_interfaces
+    return held.space.expand(P @ T), np.array(parts), np.sqrt(squares), leaves_interfaces
 
 
 def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     known, _ = seen_body(mbs, floating_body(body.fem, body.items(mbs)))
-    found = known.enrichment(VECTORS)
+    found, _ = known.enrichment(VECTORS)
     return Vectors(known.held.space.expand(found.P), found.keeps)
 
 
